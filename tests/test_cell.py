@@ -66,7 +66,7 @@ from par4_kinematics.ros.parameters import config
 from par4_kinematics.stamps import SECOND
 from par4_kinematics.workspace import inside
 from par4_sim.ros.sample_publisher import SamplePublisher
-from par4_sim.ros.simulation_node import SimulationNode
+from par4_sim.ros.simulation_node import RESET, SimulationNode
 from par4_sim.ros.simulation_parameters import SimulationParameters
 from par4_sim.ros.zero_stamp import ZeroStamps
 
@@ -191,6 +191,8 @@ def test_a_fault_is_an_error_until_reset_and_resume_says_so(bench):
     assert not refused.success
     assert 'call ~/reset' in refused.message
     assert bench.call('par4_simulation/reset').success
+    wait_for_state(bench, simulated.diagnostics, 'par4_simulation', WARN, RESET)
+    references.publish(reference_message(quintic_motion(AWAY_Q), 0))
     wait_for_state(bench, simulated.diagnostics, 'par4_simulation', OK, 'running')
     assert bench.call('par4_simulation/pause').success
     wait_for_state(bench, simulated.diagnostics, 'par4_simulation', WARN, 'paused')
@@ -352,9 +354,12 @@ def test_a_trip_ends_a_motion_whose_reference_stays_near_the_machine(bench):
 
 
 def test_a_fault_is_told_at_once_and_once():
-    node = SimpleNamespace(_fault='', _physics=SimpleNamespace(fault=''), report=mock.Mock())
-    for fault, reports in (('', 0), ('tripped', 1), ('tripped', 1), ('', 2)):
-        node._physics.fault = fault
+    physics = SimpleNamespace(fault='', restarted=False)
+    node = SimpleNamespace(_fault='', _physics=physics, report=mock.Mock())
+    for fault, restarted, reports in (
+            ('', False, 0), ('tripped', False, 1), ('tripped', False, 1), ('', False, 2),
+            ('', True, 3), ('', True, 3), ('', False, 4)):
+        physics.fault, physics.restarted = fault, restarted
         SimulationNode._tell_new_fault(node)
         assert node.report.call_count == reports
 

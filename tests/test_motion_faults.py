@@ -29,6 +29,7 @@ from par4_kinematics.robot import JOINT_NAMES
 from par4_kinematics.ros import motion_node
 from par4_kinematics.ros.convert import read_trajectory
 from par4_kinematics.ros.motion_node import MotionNode
+from par4_kinematics.ros.node import State
 from par4_kinematics.ros.played import Played
 from par4_kinematics.ros.silence import Silence
 from par4_kinematics.stamps import SECOND
@@ -266,6 +267,19 @@ def test_a_robot_that_stands_and_warns_of_something_is_quoted(cell, robot_node):
     assert 'stands, while its reference went' in said
     assert 'it says: 250 late_points' in said
     assert 'trip' not in said
+
+
+@pytest.mark.parametrize(('level', 'quoted'), [(State.OK, ''), (State.WARN, 'reset')])
+def test_of_a_node_its_state_is_quoted_without_what_it_counts(cell, robot_node, level, quoted):
+    cell.node._diagnostics = mock.Mock()
+    cell.node._tell(State(level, 'reset', 'a remedy'), {'late_steps': 615})
+    told = cell.node._diagnostics.publish.call_args.args[0]
+    assert told.status[0].message == 'reset: a remedy; 615 late_steps'
+    assert told.status[0].level == State.WARN
+    told.status[0].name = robot_node
+    cell.node._on_diagnostics(diagnostics(robot_node, DiagnosticStatus.ERROR, 'hot'))
+    cell.node._on_diagnostics(told)
+    assert cell.node._trouble(DiagnosticStatus.WARN) == quoted
 
 
 def test_a_robot_that_tells_of_a_trip_ends_the_motion_however_little_that_moves(cell, robot_node):

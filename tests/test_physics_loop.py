@@ -349,12 +349,14 @@ def test_a_motion_from_before_a_restart_is_refused_until_one_begins_where_the_ma
     restart.start()
     while restart.is_alive():
         run.go_on(1)
+    assert run.loop.restarted
     since = len(run.samples)
     start_ns = run.loop.now_ns - 120 * PERIOD_NS
     run.loop.queue_reference(start_ns - SECOND, rest_at_home(0.0))  # over: it is not looked at
     for first in range(150, 400, 50):  # both where it moves and where it turns, 0.2 rad from home
         send(start_ns, slice(first, first + 50))
     run.go_on(500)
+    assert run.loop.restarted, 'what is refused begins nothing'
     assert len(run.refused) == 5
     assert all('begin at rest where the machine stands' in str(error) for error in run.refused)
     assert 'rad/s' in str(run.refused[0])
@@ -365,6 +367,7 @@ def test_a_motion_from_before_a_restart_is_refused_until_one_begins_where_the_ma
     for first in range(0, 1000, 50):
         send(start_ns, slice(first, first + 50))
     run.go_on(500)
+    assert not run.loop.restarted
     assert len(run.refused) == 5
     assert np.ptp([sample.q for sample in run.samples[-500:]], axis=0).min() > 0.15
 

@@ -33,6 +33,7 @@ from par4_kinematics.ros.arrivals import Arrivals
 from par4_kinematics.ros.convert import write_time
 from par4_kinematics.ros.parameters import NodeParameters, check_those_of_ros, declare
 from par4_kinematics.ros.qos import message_type, qos_of
+from par4_kinematics.ros.troubles import TROUBLE
 from par4_kinematics.runner import runner_has_ended
 from par4_kinematics.stamps import SECOND
 
@@ -451,7 +452,8 @@ class Par4Node(Node):
             name=self.get_fully_qualified_name(),
             message=f'{said}; {news}' if news else said,
             values=[KeyValue(key=name, value=str(value)) for name, value in
-                    {**self._reported, **self.traffic(), **self.measures()}.items()])]
+                    {TROUBLE: '' if state.level == State.OK else state.text, **self._reported,
+                     **self.traffic(), **self.measures()}.items()])]
         self._diagnostics.publish(message)
 
     def work(self) -> None:

@@ -8,6 +8,12 @@ from dataclasses import dataclass
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
+TROUBLE = 'trouble'
+"""Value of a status that says what its node's state is, in a few words; empty where it is well.
+
+The message of the status has more: what to do, and new counts of things that are no state.
+"""
+
 
 @dataclass(frozen=True)
 class Trouble:
@@ -34,9 +40,11 @@ class Troubles:
         """Take what nodes tell: it lasts until its node tells something else, or starts anew."""
         endpoints = [(_node(publisher), bytes(publisher.endpoint_gid)) for publisher in publishers]
         for status in message.status:
-            if status.level in (DiagnosticStatus.WARN, DiagnosticStatus.ERROR):
+            text = next((pair.value for pair in status.values if pair.key == TROUBLE),
+                        status.message or 'ERROR')
+            if text and status.level in (DiagnosticStatus.WARN, DiagnosticStatus.ERROR):
                 self._told[status.name] = Trouble(
-                    status.level, status.message or 'ERROR',
+                    status.level, text,
                     frozenset(gid for node, gid in endpoints if node == status.name))
             else:
                 self._told.pop(status.name, None)

@@ -54,6 +54,7 @@ class PhysicsLoop:
         paused: whether the simulation stands; it may be set.
         fault: why references are refused until a restart, in words; empty while all is well. It
             may be set.
+        restarted: whether references are refused, after a restart, until one begins at rest.
         late_steps: samples that came more than a sample period after their time.
         waiting: whether the simulation stands for the torque of a reference point.
         unaided: whether it goes on without that torque, which did not come while it stood.
@@ -80,6 +81,7 @@ class PhysicsLoop:
         self.now_ns = 0
         self.paused = False
         self.fault = ''
+        self.restarted = False
         self.late_steps = 0
         self.waiting = self.unaided = False
         self.ended: End | None = None
@@ -87,7 +89,6 @@ class PhysicsLoop:
         self._end_asked_ns = 0
         self._runs = False
         self._braked = False
-        self._restarted = False
         self._rests_since_ns: int | None = None
         self._simulation = simulation
         self._publish = publish
@@ -154,7 +155,7 @@ class PhysicsLoop:
                 self._simulation = simulation
             self._simulation.reset()
             self.fault = ''
-            self._restarted = True
+            self.restarted = True
             self._started_ns = next_ns - round(self._simulation.time * SECOND)
 
         try:
@@ -259,10 +260,10 @@ class PhysicsLoop:
             try:
                 if self.fault or self._braked:
                     raise InputError(f'not followed: {self.fault or "the simulation is ending"}')
-                if self._restarted:
+                if self.restarted:
                     self._simulation.check_start(points)
                 self._simulation.queue_points(points, looked_at)
-                self._restarted = self._restarted and not self._simulation.begun
+                self.restarted = self.restarted and not self._simulation.begun
             except Par4Error as error:
                 kept = False
                 if looked_at:  # a group is tried again one by one

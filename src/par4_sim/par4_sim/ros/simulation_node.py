@@ -50,6 +50,8 @@ FAULT_PERIOD = 0.05
 """Seconds of wall time between looks for a fault: it is told at once, not with the next report."""
 LEAST_REAL_TIME_FACTOR = 1e-3
 """Simulated seconds a second below which nothing seems to happen."""
+RESET = 'reset: references are refused until one begins at rest'
+"""State of a simulation after a restart."""
 LATE_SHARE = 0.05
 """Share of late samples that is worth a warning."""
 STRANGE_NS = 1000 * SECOND
@@ -194,9 +196,13 @@ class SimulationNode(Par4Node):
         self._physics.end()
 
     def _tell_new_fault(self) -> None:
-        """Tell on the diagnostics that there is a fault, or another, or none any more."""
-        if self._fault != self._physics.fault:
-            self._fault = self._physics.fault
+        """Tell on the diagnostics that there is a fault, or another, or none any more.
+
+        Or that references are refused for another reason: who sends them may ask why.
+        """
+        fault = self._physics.fault or (RESET if self._physics.restarted else '')
+        if self._fault != fault:
+            self._fault = fault
             self.report()
 
     def _tell_unaided(self) -> None:
@@ -227,6 +233,8 @@ class SimulationNode(Par4Node):
         if physics.unaided:
             return State(State.WARN, f'running without {FEEDFORWARD_TORQUE.name}: waited '
                                      f'{self.parameters.feedforward_timeout:g} s in vain')
+        if physics.restarted:
+            return State(State.WARN, RESET)
         if physics.starved:
             return State(State.WARN, f'starved: {REFERENCE.name} ended in motion, braked')
         if self._pace.complaint:
