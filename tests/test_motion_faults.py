@@ -22,7 +22,7 @@ from node_bench import AWAY_Q, HOME_Q, ROBOT, joint_state, quintic_motion
 from par4_dynamics.model import read_model
 from par4_kinematics.adept import adept_motion
 from par4_kinematics.astray import LAG_NS, Astray
-from par4_kinematics.interface import JOINT_STATES
+from par4_kinematics.interface import DIAGNOSTICS, JOINT_STATES
 from par4_kinematics.motion import Motion
 from par4_kinematics.motion_file import named_motion, write_motion
 from par4_kinematics.robot import JOINT_NAMES
@@ -280,6 +280,22 @@ def test_of_a_node_its_state_is_quoted_without_what_it_counts(cell, robot_node, 
     cell.node._on_diagnostics(diagnostics(robot_node, DiagnosticStatus.ERROR, 'hot'))
     cell.node._on_diagnostics(told)
     assert cell.node._trouble(DiagnosticStatus.WARN) == quoted
+
+
+def test_diagnostics_of_several_nodes_are_not_taken_for_missed_ones(cell):
+    """Each numbers its own; the second is far ahead of the first."""
+    cell.node._diagnostics = mock.Mock()
+    for number in (6, 68):
+        cell.node._arrivals[DIAGNOSTICS.name].take(number)
+    cell.node._arrivals[JOINT_STATES.name].take(1)
+    cell.node.report()
+    cell.node._arrivals[JOINT_STATES.name].take(4)
+    cell.node.report()
+    first, second = (call.args[0].status[0]
+                     for call in cell.node._diagnostics.publish.call_args_list)
+    assert 'missed_messages' not in first.message
+    assert first.level == State.OK
+    assert '2 missed_messages' in second.message
 
 
 def test_a_robot_that_tells_of_a_trip_ends_the_motion_however_little_that_moves(cell, robot_node):
