@@ -279,8 +279,10 @@ def test_an_estimate_is_out_of_bounds_by_more_than_chance_or_not_at_all():
 
 
 @pytest.mark.parametrize(('name', 'values', 'reason'), [
-    ('coulomb_asymmetry', {'asymmetry': (0.1, -3.0, 0, 0)}, 'would drive'),
-    ('viscous_asymmetry', {'asymmetry': (0.1, 2.5, 0, 0)}, 'would drive'),
+    ('coulomb_asymmetry', {'asymmetry': (0.1, -3.0, 0, 0)},
+     '-3 N m is not less than the Coulomb friction 2.4 N m: it would drive'),
+    ('viscous_asymmetry', {'asymmetry': (0.1, 2.5, 0, 0)},
+     '2.5 N m s/rad is not less than the viscous friction 2 N m s/rad: it would drive'),
     ('nonlinear_viscous', {'quadratic': -2.0}, 'drive the joint'),
     ('nonlinear_viscous', {'quadratic': 20.0}, 'three times'),
     ('nonlinear_viscous', {'torque': -9.0, 'exponent': 0.5}, 'drive the joint'),

@@ -4,15 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import (
-    Base,
-    Effect,
-    EffectParameter,
-    Shape,
-    Signature,
-    Values,
-    beyond,
-)
+from par4_dynamics.effects.asymmetry import driving_one_way
+from par4_dynamics.effects.effect import Base, Effect, EffectParameter, Shape, Signature, Values
 from par4_dynamics.state import State
 
 
@@ -29,13 +22,7 @@ class CoulombAsymmetry(Effect):
         return (state.qd != 0.0).astype(float)[..., None]
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
-        asymmetry, level = values['asymmetry'], base['coulomb_friction']
-        worst = beyond(asymmetry, std['asymmetry'], -level, level)
-        if worst is not None:
-            return (f'an asymmetry of {asymmetry[worst]:.3g} N m is not less than the Coulomb '
-                    f'level {level[worst]:.3g} N m: friction would drive the joint in one '
-                    f'direction')
-        return None
+        return driving_one_way(values, std, base, 'Coulomb', 'N m')
 
     def signature(self, state: State) -> Signature:
         return Signature(state.qd, 'joint speed, rad/s')

@@ -4,15 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import (
-    Base,
-    Effect,
-    EffectParameter,
-    Shape,
-    Signature,
-    Values,
-    beyond,
-)
+from par4_dynamics.effects.effect import Base, Effect, EffectParameter, Shape, Signature, Values
+from par4_dynamics.effects.passive_rotation import unlike_friction
 from par4_dynamics.effects.rest import RESTING_RATE
 from par4_dynamics.state import State
 from par4_kinematics.passive import passive_friction_force, passive_rates
@@ -50,16 +43,8 @@ class PassiveJointFriction(Effect):
             for unit in ((1.0, 0.0), (0.0, 1.0))], axis=-1)
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
-        coulomb, viscous = float(values['coulomb'][0]), float(values['viscous'][0])
-        spread = np.array((std['coulomb'][0], std['viscous'][0] * TYPICAL_RATE))
-        torque = np.array((coulomb, viscous * TYPICAL_RATE))
-        if beyond(torque, spread, low=0.0) is not None:
-            return (f'friction of passive joints must dissipate, found {coulomb:.3g} N m and '
-                    f'{viscous:.3g} N m s/rad')
-        if beyond(torque.sum(), spread.sum(), high=LARGEST) is not None:
-            return (f'friction of {torque.sum():.3g} N m in a passive joint '
-                    f'at {TYPICAL_RATE:g} rad/s is ten times what a preloaded ball takes')
-        return None
+        return unlike_friction(values, std, TYPICAL_RATE, LARGEST, 'a passive joint',
+                               'a preloaded ball takes')
 
     def signature(self, state: State) -> Signature:
         return Signature(self.columns(state, {})[..., 0],

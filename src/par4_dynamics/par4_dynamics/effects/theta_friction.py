@@ -4,15 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import (
-    Base,
-    Effect,
-    EffectParameter,
-    Shape,
-    Signature,
-    Values,
-    beyond,
-)
+from par4_dynamics.effects.effect import Base, Effect, EffectParameter, Shape, Signature, Values
+from par4_dynamics.effects.passive_rotation import unlike_friction
 from par4_dynamics.effects.rest import RESTING_RATE, fading_sign
 from par4_dynamics.state import State
 
@@ -48,16 +41,8 @@ class ThetaFriction(Effect):
         return np.abs(state.platform.xd[:, 3]) < MAY_REST
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
-        coulomb, viscous = float(values['coulomb'][0]), float(values['viscous'][0])
-        spread = np.array((std['coulomb'][0], std['viscous'][0] * TYPICAL_RATE))
-        torque = np.array((coulomb, viscous * TYPICAL_RATE))
-        if beyond(torque, spread, low=0.0) is not None:
-            return (f'friction of theta must dissipate, found {coulomb:.3g} N m and {viscous:.3g} '
-                    f'N m s/rad')
-        if beyond(torque.sum(), spread.sum(), high=LARGEST) is not None:
-            return (f'friction of theta of {torque.sum():.3g} N m at '
-                    f'{TYPICAL_RATE:g} rad/s is ten times what belt and pulleys take')
-        return None
+        return unlike_friction(values, std, TYPICAL_RATE, LARGEST, 'theta',
+                               'belt and pulleys take')
 
     def signature(self, state: State) -> Signature:
         return Signature(np.broadcast_to(state.platform.xd[:, 3:], state.q.shape),

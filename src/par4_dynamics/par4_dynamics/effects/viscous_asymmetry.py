@@ -4,15 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import (
-    Base,
-    Effect,
-    EffectParameter,
-    Shape,
-    Signature,
-    Values,
-    beyond,
-)
+from par4_dynamics.effects.asymmetry import driving_one_way
+from par4_dynamics.effects.effect import Base, Effect, EffectParameter, Shape, Signature, Values
 from par4_dynamics.state import State
 
 
@@ -29,13 +22,7 @@ class ViscousAsymmetry(Effect):
         return np.abs(state.qd)[..., None]
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
-        asymmetry, slope = values['asymmetry'], base['viscous_friction']
-        worst = beyond(asymmetry, std['asymmetry'], -slope, slope)
-        if worst is not None:
-            return (f'an asymmetry of {asymmetry[worst]:.3g} N m s/rad is not less than the '
-                    f'viscous friction {slope[worst]:.3g} N m s/rad: it would drive the joint in '
-                    f'one direction')
-        return None
+        return driving_one_way(values, std, base, 'viscous', 'N m s/rad')
 
     def signature(self, state: State) -> Signature:
         return Signature(state.qd, 'joint speed, rad/s')
