@@ -91,6 +91,23 @@ def test_topics_rates_gaps_and_joints(bags, tmp_path):
     assert 'no torque' in found['fitness'][0]['reason']
 
 
+def test_a_gripper_between_the_joint_states_makes_no_gaps(tmp_path):
+    """Its stamps were of another clock: there were gaps of 1.8e9 s that the recorder had not."""
+    with BagWriter(tmp_path / 'bag') as bag:
+        for row in range(400):
+            time = DATE + row * 10_000_000
+            bag.write_joint_state('/joint_states', time, REFERENCE.joint_names,
+                                  np.full(4, 1e-3 * row))
+            if row % 2:
+                bag.write_joint_state('/joint_states', row * 10_000_000, ['finger'], [0.01],
+                                      received=time + 1)
+    found, _ = inspected(tmp_path / 'bag')
+    topic, = found['topics']
+    assert (topic['messages'], topic['gaps']) == (600, 0)
+    assert topic['rate'] == pytest.approx(100.0)
+    assert topic['longest_gap'] == 0.0
+
+
 def test_verdicts_are_what_the_tools_do(bags):
     for name, able in (('whole', True), ('still', False)):
         _, uses = inspected(bags / name)

@@ -58,15 +58,19 @@ class JointContent:
     effort: bool
 
 
-def topic_contents(topics: Sequence[RecordedTopic], bag: RawBag | None
+def topic_contents(topics: Sequence[RecordedTopic], bag: RawBag | None, joints: Sequence[str]
                    ) -> tuple[TopicContent, ...]:
-    """Return what the topics of a bag hold; spacings by header stamps where `bag` was decoded."""
+    """Return what the topics of a bag hold; spacings by header stamps where `bag` was decoded.
+
+    Then they are those of the messages with `joints`, if there are any: others on the topic, as of
+    a gripper, have a rate and maybe a clock of their own.
+    """
     decoded: Mapping[str, JointSamples] = {} if bag is None else {
         samples.topic: samples for samples in bag.joints.values()}
     found = []
     for topic in topics:
         by_stamp = topic.name in decoded
-        times = decoded[topic.name].stamp if by_stamp else topic.received
+        times = _stamps(decoded[topic.name], joints) if by_stamp else topic.received
         times = np.unique(times)
         spacing = spacing_counts(times) if len(times) >= FEWEST_SPACED else None
         found.append(TopicContent(
@@ -76,6 +80,12 @@ def topic_contents(topics: Sequence[RecordedTopic], bag: RawBag | None
             None if spacing is None else spacing.longest_gap,
             'stamp' if by_stamp else 'receipt'))
     return tuple(found)
+
+
+def _stamps(samples: JointSamples, joints: Sequence[str]) -> np.ndarray:
+    """Return the stamps of the messages with these joints, of all messages where none has them."""
+    own = samples.names_count(joints) > 0
+    return samples.stamp[own] if own.any() else samples.stamp
 
 
 def joint_contents(bag: RawBag) -> tuple[JointContent, ...]:

@@ -102,9 +102,10 @@ def _inspected(shown: Path, path: Path, machine: Robot | Axis, namespace: str | 
     except InputError as error:
         if not recorded:
             raise
-        return Inspection(str(shown), cut_off, machine.name, None, topic_contents(recorded, None),
-                          (), (), (), unfit(told(error)))
-    topics, joints = topic_contents(recorded, bag), joint_contents(bag)
+        return Inspection(str(shown), cut_off, machine.name, None, topic_contents(
+            recorded, None, machine.joint_names), (), (), (), unfit(told(error)))
+    topics = topic_contents(recorded, bag, machine.joint_names)
+    joints = joint_contents(bag)
     try:
         log = read_log(path, machine, namespace)
     except InputError as error:
