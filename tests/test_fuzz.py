@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import multiprocessing
 import resource
 import shutil
@@ -32,6 +33,8 @@ from par4_identification.logs.bag_repair import repair_bag
 from par4_identification.logs.column_choice import chosen_columns
 from par4_identification.logs.read_log import read_log
 from par4_identification.logs.table_bag import measured_of_files
+from par4_identification.trend.bag_values import BagValues, EffectSize
+from par4_identification.trend.kept import FOLDER, Kept
 from par4_kinematics import motion_file, robot
 from par4_kinematics.errors import LONGEST_LINE, InputError
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES, REFERENCE
@@ -157,6 +160,20 @@ def measured(path: Path, columns: str) -> None:
 def test_tables_of_loggers(folder, content, turned):
     path = written(folder, 'log.csv', content.replace(b';', turned.encode()))
     refused_in_a_line(lambda: measured(path, 'time=t:s position=q:rad torque=3:Nm'))
+
+
+KEPT_TEXT = json.dumps(BagValues(
+    'a', 7, 20.0, ('inertia', 'friction'), np.ones((1, 2)), np.eye(2),
+    (EffectSize('backlash.gap', 1e-3, 1e-4, 'rad'),)).to_json(), indent=1)
+
+
+@given(content=bent(KEPT_TEXT))
+def test_results_of_bags_that_were_kept(folder, content):
+    """What cannot be read is computed anew."""
+    (folder / FOLDER).mkdir(exist_ok=True)
+    written(folder, f'{FOLDER}/key.json', content)
+    found = Kept(folder, ROBOT, None, None).read('key')
+    assert found is None or BagValues.from_json(found, 'b').values.size
 
 
 COLUMNS = {'t': TABLE[:, 0], 'q': TABLE[:, 1], 'tau': TABLE[:, 2]}

@@ -343,9 +343,17 @@ def test_a_payload_is_dated_and_bad_bags_are_said_one_by_one(bags, tmp_path, mon
 def test_what_was_kept_of_a_bag_and_is_damaged_counts_as_not_kept(tmp_path):
     kept = Kept(tmp_path, REFERENCE, None, None)
     assert kept.read('bag') is None
-    kept.write('bag', {'stamp': 1})
-    assert kept.read('bag') == {'stamp': 1}
-    for damage in (b'{"stamp"', b'\xff\x00'):
+    result = BagValues('a', 7, 20.0, NAMES, np.ones((4, len(NAMES))),
+                       np.eye(4 * len(NAMES))).to_json()
+    kept.write('bag', result)
+    assert kept.read('bag') == result
+    others = ([1, 2], {}, None, {'stamp': 1}, {**result, 'stamp': float('nan')},
+              {**result, 'stamp': float('inf')}, {**result, 'values': [[1.0], [2.0, 3.0]]},
+              {**result, 'values': [1.0]}, {**result, 'covariance': [[1.0]]},
+              {**result, 'terms': []}, {**result, 'effects': [{'label': 'a'}]},
+              {**result, 'effects': 1})
+    for damage in (b'{"stamp"', b'\xff\x00', b'[' * 100_000,
+                   *(json.dumps(other).encode() for other in others)):
         (tmp_path / FOLDER / 'bag.json').write_bytes(damage)
         assert kept.read('bag') is None
 

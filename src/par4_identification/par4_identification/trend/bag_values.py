@@ -92,12 +92,24 @@ class BagValues:
 
     @classmethod
     def from_json(cls, content: Mapping[str, Any], bag: str) -> BagValues:
-        """Return what `to_json` gave, of a bag that may have another path now."""
-        return cls(bag, int(content['stamp']), float(content['duration']),
-                   tuple(content['terms']), np.array(content['values'], dtype=float),
-                   np.array(content['covariance'], dtype=float),
-                   tuple(EffectSize(**item) for item in content['effects']),
-                   tuple(content['findings']))
+        """Return what `to_json` gave, of a bag that may have another path now.
+
+        Raises:
+            ValueError: it is something else, as a file that somebody has changed.
+        """
+        try:
+            found = cls(bag, int(content['stamp']), float(content['duration']),
+                        tuple(content['terms']), np.array(content['values'], dtype=float),
+                        np.array(content['covariance'], dtype=float),
+                        tuple(EffectSize(**item) for item in content['effects']),
+                        tuple(content['findings']))
+        except (KeyError, TypeError, OverflowError) as error:
+            raise ValueError(f'no result of a bag: {error}') from error
+        rows, columns = found.values.shape if found.values.ndim == 2 else (0, 0)
+        if not (columns == len(found.terms) > 0 and found.covariance.shape == (
+                rows * columns, rows * columns) and rows > 0):
+            raise ValueError('values, covariance and terms do not go together')
+        return found
 
 
 def values_of_bag(bag: str, machine: Robot | Axis, model_file: ModelFile | None = None,

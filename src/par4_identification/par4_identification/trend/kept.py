@@ -10,7 +10,7 @@ from typing import Any
 
 from par4_dynamics.model_file import ModelFile
 from par4_identification.logs.bag_hash import bag_sha256
-from par4_identification.trend.bag_values import FORMAT
+from par4_identification.trend.bag_values import FORMAT, BagValues
 from par4_kinematics.files import written_atomically
 from par4_kinematics.robot import Axis, Robot
 
@@ -42,11 +42,13 @@ class Kept:
         return sha256(f'{bag_sha256(bag)} {self._settings}'.encode()).hexdigest()[:32]
 
     def read(self, key: str) -> dict[str, Any] | None:
-        """Return a result, None where there is none that can be read."""
+        """Return a result, None where there is none that can be read, so that it is made anew."""
         try:
-            return json.loads((self._folder / f'{key}.json').read_text(encoding='utf-8'))
-        except (OSError, ValueError):  # no JSON, or not even text
+            result = json.loads((self._folder / f'{key}.json').read_text(encoding='utf-8'))
+            BagValues.from_json(result, '')
+        except (OSError, ValueError, RecursionError):  # no result, no JSON, or not even text
             return None
+        return result
 
     def write(self, key: str, result: dict[str, Any]) -> None:
         """Keep a result."""
