@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -91,6 +91,8 @@ class Accounts:
         jumps: times, s, at which several positions jump from one sample to the next.
         jitter: of stamps whose readings were taken evenly, rms, s; they are put back evenly.
         interpolated: samples that whoever wrote the log put on a line between others, left out.
+        clipped: share of the samples in which the position of a joint stands at an end of its range
+            in motion, left out, and at which, with its unit.
         held: for how long each reading of 'position' or 'torque' repeats, s, where it does.
     """
 
@@ -122,6 +124,7 @@ class Accounts:
     jumps: tuple[float, ...] = ()
     jitter: float = 0.0
     interpolated: int = 0
+    clipped: Mapping[str, tuple[float, tuple[float, ...], str]] = field(default_factory=dict)
     held: Mapping[str, float] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
@@ -150,6 +153,10 @@ class Accounts:
         found += [f'the position of {joint} on {self.position.topic} jumps {count} times by '
                   f'{way:.5g} {unit}, as a counter that starts again; put together'
                   for joint, (count, way, unit) in self.restarts.items()]
+        found += [f'the position of {joint} on {self.position.topic} '
+                  f'{clipped_words(levels, share, unit)}; these samples are left out, and the log '
+                  f'is cut there; widen the range of what carries it, or move less far'
+                  for joint, (share, levels, unit) in self.clipped.items()]
         if self.jumps:
             more = f' and {len(self.jumps) - 1} times more' if len(self.jumps) > 1 else ''
             found.append(f'positions on {self.position.topic} jump within a sample at '
@@ -218,6 +225,12 @@ class Accounts:
         if self.reference not in ('absent', 'read'):
             found.append(f'{REFERENCE.name} ignored: {self.reference}')
         return tuple(dict.fromkeys(found))  # position and effort of one topic say the same
+
+
+def clipped_words(levels: Sequence[float], share: float, unit: str) -> str:
+    """Return what to know of readings that stand at some levels for a share of a log."""
+    return (f'stands at exactly {" and ".join(f"{level:.4g}" for level in levels)} {unit} for '
+            f'{100.0 * share:.2g} % of the samples while the joint goes on: it is clipped')
 
 
 def held_words(held: float, period: float) -> str:

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from par4_identification.logs.accounts import held_words
+from par4_identification.logs.accounts import clipped_words, held_words
+from par4_identification.logs.clips import clips_of, levels_of
 from par4_identification.logs.counters import restarts_of
 from par4_identification.logs.jumps import jumps_of
 from par4_identification.logs.refresh import FEWEST, jumps, refresh_of
@@ -111,7 +112,7 @@ class Measured:
                 if not low < high:
                     what = 'the same in all rows' if low == high else 'no numbers'
                     found.append(f'{quantity} of joint {joint}: {what}; is it the right column?')
-        return (*found, *self._twins(), *self._held(), *self._odd_times(),
+        return (*found, *self._twins(), *self._held(), *self._clipped(), *self._odd_times(),
                 *self._odd_positions(), *self._odd_speeds(), *self._unsigned_torques())
 
     def _twins(self) -> list[str]:
@@ -138,6 +139,24 @@ class Measured:
                 held = refresh.every * self.period
                 found.append(f'{quantity}: {held_words(held, self.period)}; the tools use only '
                              f'its changes, at {1.0 / held:.3g} Hz')
+        return found
+
+    def _clipped(self) -> list[str]:
+        """Return which positions and speeds stand at an end of their range in motion."""
+        found = []
+        for quantity, clips in clips_of(self.values).items():
+            if self.integrated and quantity == 'position':
+                continue
+            done = {('position', False): 'the tools leave these rows out',
+                    ('velocity', True): 'the position has no number there, so that the log is cut',
+                    ('velocity', False): 'the recorded position rules'}[quantity, self.integrated]
+            less = 'less far' if quantity == 'position' else 'more slowly'
+            for joint, (column, mask) in enumerate(zip(self.values[quantity].T, clips.T)):
+                if mask.any():
+                    said = clipped_words(levels_of(column, mask), float(mask.mean()),
+                                         si_unit(quantity, self.kind))
+                    found.append(f'{quantity} of joint {joint}: {said}; {done}; widen the range of '
+                                 f'what carries it, or move {less}')
         return found
 
     def _repeats(self, quantity: str) -> list[str]:

@@ -23,6 +23,7 @@ import numpy as np
 
 from par4_identification.logs.accounts import SHORTEST_SEGMENT, Accounts
 from par4_identification.logs.bag import read_bag
+from par4_identification.logs.clips import without_clipped
 from par4_identification.logs.clock import Clock
 from par4_identification.logs.counters import going_on, restarts_of
 from par4_identification.logs.even_stamps import evened
@@ -85,6 +86,7 @@ def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = No
                                                                   source)
     position, torque, filled_in = without_interpolated(position, torque)
     (position, position_held), (torque, torque_held) = fresh(position), fresh(torque)
+    position, clipped = without_clipped(position, torque, joints, unit_on(machine, 'rad'))
     if torque.period > max(position.period, GAP * 1e9 * torque.counts.period):
         position = at_refreshes(position, torque)
     together = _put_together(position, machine)
@@ -117,7 +119,7 @@ def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = No
         mixed=tuple((1e-9 * first, 1e-9 * last) for first, last in source.mixed),
         wraps=together.wraps, restarts=together.restarts,
         jumps=tuple(1e-9 * time for time in grid.jumps), jitter=jitter,
-        interpolated=filled_in,
+        interpolated=filled_in, clipped=clipped,
         held={name: held for name, held in (('position', position_held), ('torque', torque_held))
               if held})
     return Log(str(path), joints, clock.origin, accounts.period, 1e-9 * time, q, tau,

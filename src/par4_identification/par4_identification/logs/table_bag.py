@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from par4_identification.logs.clips import clips_of
 from par4_identification.logs.column_choice import (
     Choice,
     Scales,
@@ -113,7 +114,10 @@ def measured_of_files(files: Sequence[str | Path], choices: dict[str, Choice],
     values = {name: column[kept] for name, column in values.items()}
     integrated = motion.quantity != 'position'
     if integrated:
-        values = {'position': _integral(values['velocity'], time), **values}
+        q = _integral(values['velocity'], time)
+        for mask in clips_of(values).values():
+            q[mask] = np.nan
+        values = {'position': q, **values}
     return Measured(kind, stamp, values, rows, untimed, integrated, () if len(tables) == 1 else
                     tuple((', '.join(one.values), one.kept(part)) for one in tables))
 
