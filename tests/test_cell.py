@@ -9,18 +9,23 @@ import signal
 import subprocess
 import sys
 import time
-from collections import deque
+from collections import Counter, deque
 from contextlib import nullcontext
 from functools import partial
 from importlib import import_module
 from pathlib import Path
+from threading import Lock
 from types import SimpleNamespace
 from typing import Any
 from unittest import mock
 
 import numpy as np
 import pytest
+from rclpy.clock import Clock
+from rclpy.duration import Duration
+from rclpy.node import Node
 from rclpy.serialization import serialize_message
+from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
@@ -45,6 +50,7 @@ from node_bench import (
 from par4_dynamics.model import read_model
 from par4_identification.fitting.identification import identify
 from par4_identification.logs.read_log import read_log
+from par4_identification.ros.record_node import RecordNode
 from par4_kinematics.adept import adept_motion
 from par4_kinematics.approach import with_approach
 from par4_kinematics.errors import InputError
@@ -262,6 +268,54 @@ def test_the_clock_of_a_simulation_that_was_killed_is_no_second_one(monkeypatch)
     assert Par4Node.state(node).level == WARN
 
 
+def test_jumps_of_a_clock_are_told_at_once_and_then_now_and_then(bench, monkeypatch):
+    """Two clocks make it jump all the time."""
+    node = Par4Node.__new__(Par4Node)
+    Node.__init__(node, 'jumping', context=bench.context)
+    told, log = [], node.get_logger().log
+    monkeypatch.setattr(node.get_logger(), 'log', lambda text, *args, **kwargs: told.append(
+        text) if log(text, *args, **kwargs) else None)
+    node.wall_clock = WallClock()
+    node.counts, node._counting, node._jumped = Counter(), Lock(), deque(maxlen=2)
+    jump = SimpleNamespace(delta=Duration(nanoseconds=-SECOND))
+    for second in range(25):
+        node.wall_clock.seconds = 100.0 + second
+        node._on_jump(jump)
+    assert len(told) == 3
+    assert told[0].startswith('the clock jumped back by 1.000 s')
+    assert node.counts['clock_jumps'] == 25
+    assert 'clock_jumps' in Par4Node.expected(node)
+    node.destroy_node()
+
+
+class WallClock(Clock):
+    """Whose time is set."""
+
+    seconds = 0.0
+
+    def now(self) -> Time:
+        """Return the time that was set."""
+        return Time(nanoseconds=round(self.seconds * SECOND))
+
+
+def test_a_bag_of_more_than_one_run_is_told_once(tmp_path):
+    node = SimpleNamespace(
+        parameters=SimpleNamespace(output=str(tmp_path / 'bag'), storage='mcap'), _bag=None,
+        _begun_bags=0, _path=tmp_path / 'bag', _received=Counter(), _numbering={}, _newest={},
+        get_clock=lambda: SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=SECOND)),
+        get_logger=lambda: log)
+    log = mock.Mock()
+    for bags in (1, 2):
+        RecordNode._start(node)
+        node._began_ns = 1
+        for _ in range(3):
+            RecordNode.clock_jumped_back(node)
+        assert log.warning.call_count == bags
+        node._bag.close()
+        node._bag = None
+    assert 'bag_2 holds more than one run' in log.warning.call_args.args[0]
+
+
 def test_a_restart_of_the_simulation_is_noticed_by_all_and_two_are_told_by_both(bench):
     simulated = Simulated(bench, publish_rate_hz=100)
     diagnostics = simulated.diagnostics
@@ -309,9 +363,9 @@ def test_a_restart_of_the_simulation_is_noticed_by_all_and_two_are_told_by_both(
     for child in (second, recorder):
         child.send_signal(signal.SIGINT)
     assert bench.ended(recorder) == 0
-    # that is told once a second
-    said = bench.said().count('[par4_record]: the clock jumped back by')
-    assert said < bench.counts(diagnostics, 'par4_record')['clock_jumps']
+    # the state tells it, not a line for each jump
+    assert bench.said().count('bag holds more than one run') == 1
+    assert 'clock_jumps' not in bench.said()
     found = ' '.join(read_log(bench.folder / 'bag', ROBOT).bag_accounts.of_clocks())
     assert 'the clock was set back once, as when a simulation is started again' in found
     assert 'two machines or simulations with clocks of their own talk on /joint_states' in found

@@ -17,7 +17,7 @@ from rclpy.subscription import Subscription
 from par4_identification.ros.record_parameters import RecordParameters, asked_to_mend
 from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES, RECORDED_TOPICS, Topic
-from par4_kinematics.ros.node import REPORT_PERIOD, SILENCE, Par4Node, State
+from par4_kinematics.ros.node import SILENCE, Par4Node, State
 from par4_kinematics.ros.numbering import Numbering
 from par4_kinematics.ros.process import run
 from par4_kinematics.stamps import SECOND
@@ -45,7 +45,7 @@ class RecordNode(Par4Node):
         self._received: Counter[str] = Counter()
         self._numbering: defaultdict[str, Numbering] = defaultdict(Numbering)
         self._newest: dict[str, float] = {}
-        self._began_ns = 0
+        self._began_ns, self._told_of_runs = 0, False
         self._start()
         self._recorded = {topic: self._record(topic) for topic in RECORDED_TOPICS}
         self.serve('~/start', self._start)
@@ -92,7 +92,7 @@ class RecordNode(Par4Node):
         self._received.clear()
         self._numbering.clear()
         self._newest.clear()
-        self._began_ns = 0
+        self._began_ns, self._told_of_runs = 0, False
         return f'recording {self._path}'
 
     def _stop(self) -> str:
@@ -140,10 +140,10 @@ class RecordNode(Par4Node):
         """Count the duration from here; the bag goes on and holds two runs."""
         if self._bag is not None and self._began_ns:
             self._began_ns = self.get_clock().now().nanoseconds
-            self.get_logger().warning(f'{self._path} holds more than one run: record each by its '
-                                      f'own to identify from them',
-                                      throttle_duration_sec=REPORT_PERIOD,
-                                      throttle_time_source_type=self.wall_clock)
+            if not self._told_of_runs:
+                self._told_of_runs = True
+                self.get_logger().warning(f'{self._path} holds more than one run: record each by '
+                                          f'its own to identify from them')
 
     def dead_inputs(self) -> list[str]:
         """Return which topics of the robot, or the clock, came and come no more."""

@@ -38,7 +38,7 @@ from par4_kinematics.runner import runner_has_ended
 from par4_kinematics.stamps import SECOND
 
 NOT_LOGGED = ('rejected_messages', 'unreachable_poses', 'late_steps', 'missed_messages',
-              'skipped_windows')
+              'skipped_windows', 'clock_jumps')
 """Faults that are logged when they happen, or that a busy machine has all the time."""
 SIMULATED_TIME = 'use_sim_time'
 """Parameter of every node of ROS: whether it follows a published clock."""
@@ -46,6 +46,9 @@ SILENCE = 0.95
 """Seconds of wall time after which a stream that flowed, or the clock, counts as dead."""
 TO_AND_FRO = 3.0
 """Seconds within which two jumps back of a clock are those of two clocks."""
+JUMP_PERIOD = 10.0
+"""Seconds of wall time at the least between lines that a clock jumped back: two clocks make it do
+so all the time, and the state says that already."""
 LAST_WORDS = 0.5
 """Longest wait, s, until those who hear the diagnostics have the last one of a node that failed."""
 REPORT_PERIOD = 1.0
@@ -287,7 +290,7 @@ class Par4Node(Node):
         back = -jump.delta.nanoseconds / SECOND
         self.get_logger().warning(
             f'the clock jumped back by {back:.3f} s: the simulation was started again, or two '
-            f'publish {CLOCK.name}', throttle_duration_sec=REPORT_PERIOD,
+            f'publish {CLOCK.name}', throttle_duration_sec=JUMP_PERIOD,
             throttle_time_source_type=self.wall_clock)
         self.clock_jumped_back()
 
