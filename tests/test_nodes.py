@@ -311,7 +311,8 @@ def bad_file(folder: Path, change: str) -> Path:
      'qos_overrides of reference: not understood; depth is a whole number from 0 to 2^31 - 1'),
     *(('par4_motion', f'qos_overrides./{name}.depth', -1, 'depth is a whole number from 0')
       for name in ('reference.publisher', 'joint_states.subscription')),
-    ('par4_motion', 'motion', 'dance', 'dance'),
+    ('par4_motion', 'motion', 'dance', 'motion dance: no such file, and not a name (adept, '
+                                       'excitation, circle, action); give one of these'),
     ('par4_record', 'storage', 'tape', 'known are mcap, sqlite3'),
     ('par4_record', 'output', '.', 'exists already'),
 ])

@@ -350,15 +350,15 @@ def named_motion(name_or_path: str | Path, robot: Robot, duration: float | None 
     return motion
 
 
-def refuse_no_motion(name_or_path: str) -> None:
-    """Refuse what is neither one of `NAMED_MOTIONS` nor a file.
+def refuse_no_motion(name_or_path: str, names: tuple[str, ...] = NAMED_MOTIONS) -> None:
+    """Refuse what is neither one of the names nor a file.
 
     Raises:
         InputError: says so, and what may be given.
     """
-    if name_or_path not in NAMED_MOTIONS and not Path(name_or_path).is_file():
+    if name_or_path not in names and not Path(name_or_path).is_file():
         raise InputError(f'motion {name_or_path}: {instead_of_file(name_or_path)}, and not a name ('
-                         f'{", ".join(NAMED_MOTIONS)}); give one of these or the path of a file')
+                         f'{", ".join(names)}); give one of these or the path of a file')
 
 
 def repeats_within(name: str, robot: Robot, duration: float, period: float = 1e-3) -> int:

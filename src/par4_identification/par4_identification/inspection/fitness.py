@@ -29,7 +29,7 @@ from par4_identification.signals.conditioning import Conditioning
 from par4_identification.signals.plateaus import LEAST_PLATEAUS
 from par4_identification.signals.rows import Run, runs_of_log
 from par4_identification.signals.scales import conditioning_for
-from par4_identification.trend.bag_values import EARLIEST
+from par4_identification.trend.bag_values import EARLIEST, without_date
 from par4_identification.trend.drift import MOVING
 from par4_identification.trend.windows import LEARNING, WINDOW
 from par4_kinematics.errors import Par4Error
@@ -157,8 +157,7 @@ def _diagnosed(check: SetupCheck, runs: Sequence[Run]) -> Fitness:
 
 def _trended(log: Log, identified: Fitness) -> Fitness:
     if log.start_stamp < EARLIEST:
-        return Fitness('trend', 'no', f'its stamps begin {log.start_stamp / 1e9:.0f} s after 1970, '
-                                      f'so it has no date; record with the wall clock')
+        return Fitness('trend', 'no', without_date(log.start_stamp))
     if identified.use != 'yes':
         return Fitness('trend', identified.use, 'it is dated, but its parameters are not certain')
     return Fitness('trend', 'yes', 'it is dated and tells all parameters; give further bags')

@@ -34,6 +34,7 @@ from par4_identification.setup_check.check import check_setup
 from par4_identification.signals.scales import conditioning_for
 from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.robot import Axis, Robot
+from par4_kinematics.stamps import SECOND
 from par4_sim.report.words import percent
 
 EARLIEST = 946_684_800_000_000_000
@@ -112,6 +113,12 @@ class BagValues:
         return found
 
 
+def without_date(start_stamp: int) -> str:
+    """Return that a bag whose stamps begin at `start_stamp`, ns, has no date, and what to do."""
+    return (f'its stamps begin {start_stamp / SECOND:.0f} s after 1970, so it has no date; record '
+            f'with the wall clock, or simulate with par4_simulate --date')
+
+
 def values_of_bag(bag: str, machine: Robot | Axis, model_file: ModelFile | None = None,
                   namespace: str | None = None) -> BagValues:
     """Return what a bag says of a machine.
@@ -128,8 +135,7 @@ def values_of_bag(bag: str, machine: Robot | Axis, model_file: ModelFile | None 
     """
     log = read_log(bag, machine, namespace)
     if log.start_stamp < EARLIEST:
-        raise InputError(f'{bag}: its stamps begin {log.start_stamp / 1e9:.0f} s after 1970, so it '
-                         f'has no date; record with the wall clock')
+        raise InputError(f'{bag}: {without_date(log.start_stamp)}')
     check = check_setup([log], machine)
     if check.useless:
         raise InputError(f'{bag}: {check.useless[0].evidence}')

@@ -19,7 +19,7 @@ from par4_kinematics.braking import ways_to_rest
 from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.interface import CLOCK, DIAGNOSTICS, JOINT_STATES, REFERENCE
 from par4_kinematics.motion import Motion
-from par4_kinematics.motion_file import NAMED_MOTIONS, named_motion
+from par4_kinematics.motion_file import NAMED_MOTIONS, named_motion, refuse_no_motion
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import read_robot
 from par4_kinematics.ros import motion_faults
@@ -79,6 +79,7 @@ class MotionNode(Par4Node):
         self._robot = read_robot(asked.robot_file)
         self.warn_of_limits_not_given(self._robot)
         self._motion: Motion | None = None
+        refuse_no_motion(asked.motion, (*NAMED_MOTIONS, ACTION))
         if asked.motion != ACTION:
             self._motion = named_motion(asked.motion, self._robot, asked.duration or None,
                                         asked.seed, asked.period)
