@@ -176,6 +176,15 @@ def test_an_argument_given_twice_is_refused(monkeypatch, capsys):
         "error: argument motion: given twice, as 'adept' and 'circle'; give it once\n")
 
 
+def test_the_argument_of_launch_files_alone_is_refused_with_the_reason(monkeypatch, capsys):
+    monkeypatch.setattr('sys.argv', ['par4_cell', 'cell', 'rviz:=true'])
+    with pytest.raises(SystemExit) as stop:
+        cell.main()
+    assert stop.value.code == 2
+    line, = capsys.readouterr().err.splitlines()
+    assert line.startswith('error: argument rviz: RViz is no part of this suite, ros2 launch')
+
+
 @pytest.fixture
 def launched(monkeypatch):
     """Return what gives the description of a launch file, with `launch` stood in for."""

@@ -14,6 +14,9 @@ from par4_sim.cell.running_cell import run_session
 from par4_sim.commands.entry import run
 from par4_start import STOPPED, tool_is_interrupted
 
+VIEW = 'rviz'
+"""Argument that launch files have beyond those of a composition."""
+
 
 def _described(name: str, composition: Composition) -> str:
     lines = [f'{name}: {composition.summary}']
@@ -40,6 +43,10 @@ def cell(composition: str, arguments: tuple[str, ...], log: Path | None) -> None
         name, sign, value = argument.partition(':=')
         if not sign:
             raise InputError(f'argument {argument!r}: give it as NAME:=VALUE')
+        if name == VIEW:
+            raise InputError(f'argument {VIEW}: RViz is no part of this suite, ros2 launch starts '
+                             f'it where ROS is installed (ros2 launch par4_sim cell.launch.py '
+                             f'{VIEW}:=true); window:=true shows the robot without it')
         if name in given:
             raise InputError(f'argument {name}: given twice, as {given[name]!r} and {value!r}; '
                              f'give it once')
