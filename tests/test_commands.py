@@ -545,6 +545,20 @@ def test_holdout_takes_one_bag_or_several(words):
     assert context.params['robot'] == 'R'
 
 
+@pytest.mark.parametrize(('words', 'said'), [
+    ('--holdout B A', '--holdout took B A, as it takes all up to the next option; give the bags to '
+                      'diagnose first, as in par4_diagnose A --holdout B;'),
+    ('--before C --holdout=B A', '--holdout took B A, as'),
+    ('--before A', 'as in par4_diagnose A --before OTHER_BAG;'),
+    ('', "Missing argument 'BAG...';")])
+def test_bags_that_an_option_took_are_told(words, said):
+    """It said that BAG is missing, with two bags on the line."""
+    done = run(diagnose, *words.split(), '--robot', 'reference', '--output', 'x')
+    assert done.code == 2
+    line, = done.err.splitlines()
+    assert said in line
+
+
 # bad input
 
 BAD_INPUT = {

@@ -18,18 +18,35 @@ class GreedyBags(click.Command):
     """A command in which `--holdout A B` means `--holdout A --holdout B`: up to the next option."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Return what is left of `args` once the options are taken out."""
+        """Return what is left of `args` once the options are taken out.
+
+        Raises:
+            click.UsageError: among others where such an option took all the bags.
+        """
         spread, following, valued = [], '', False
+        taken: dict[str, list[str]] = {}
         for word in args:
             if word.startswith('-'):
-                name, equals, _ = word.partition('=')
+                name, equals, value = word.partition('=')
                 following, valued = name if name in GREEDY else '', bool(equals)
-            elif following and valued:
-                spread.append(following)
-            else:
+                if following and valued:
+                    taken.setdefault(following, []).append(value)
+            elif following:
+                if valued:
+                    spread.append(following)
                 valued = True
+                taken.setdefault(following, []).append(word)
             spread.append(word)
-        return super().parse_args(ctx, spread)
+        try:
+            return super().parse_args(ctx, spread)
+        except click.MissingParameter as error:
+            if not isinstance(error.param, click.Argument) or not taken:
+                raise
+            option, words = taken.popitem()
+            raise click.UsageError(
+                f'BAG... is missing: {option} took {" ".join(words)}, as it takes all up to the '
+                f'next option; give the bags to diagnose first, as in par4_diagnose {words[-1]} '
+                f'{option} {" ".join(words[:-1]) or "OTHER_BAG"}', ctx) from error
 
 
 @click.command('par4_diagnose', cls=GreedyBags, epilog='\b\nExample:\n'
