@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from par4_identification.logs.series import FILLED, Series
-from par4_identification.logs.stamps import EVEN, numbered
+from par4_identification.logs.stamps import EVEN, by_line, in_a_row, numbered, spacing_counts
 
 SMOOTHER = 0.5
 """Mean square by which readings are off the line between their neighbours at even times, over that
@@ -29,30 +29,43 @@ def evened(position: Series, torque: Series) -> tuple[Series, Series, float]:
     """Return positions and torques at the even times at which they were read.
 
     Torques of the same stamps were read at the same times. With them goes by how much the stamps
-    jitter, s rms; zero, and the same series, where they do not or where they are right.
+    jitter, s rms; zero, and the same series, where they do not or where they are right. What is
+    missing is told by the spacings, or by long stretches alone if readings are smoother so.
     """
     stamp = position.stamp.astype(float)
     if len(stamp) < FEWEST:
         return position, torque, 0.0
     gaps = np.diff(stamp) > (FILLED + 1.5) * position.period
     parts = np.split(np.arange(len(stamp)), np.flatnonzero(gaps) + 1)
-    line = numbered(stamp, parts, position.period, jittered=True)
-    even = np.concatenate(line.times)
     beside = ~(gaps[:-1] | gaps[1:])
-    if (line.off <= EVEN * line.period or np.count_nonzero(beside) < FEWEST
-            or np.diff(even).min() <= 0.0):
+    if np.count_nonzero(beside) < FEWEST:
         return position, torque, 0.0
     way = position.values - position.values[:1]  # exactly zero at rest
-    at_stamps, at_even = (_off_the_line(time, way)[beside] for time in (stamp, even))
+    at_stamps = _off_the_line(stamp, way)[beside]
     most = np.quantile(at_stamps, CLIPPED, axis=0)
-    if np.sum(np.minimum(at_even, most)) >= SMOOTHER * np.sum(np.minimum(at_stamps, most)):
+    best, roughness = stamp, np.sum(np.minimum(at_stamps, most))
+    for numbers_of in (by_line, in_a_row):
+        line = numbered(stamp, parts, position.period, numbers_of)
+        even = np.concatenate(line.times)
+        if line.off <= EVEN * line.period or np.diff(even).min() <= 0.0:
+            continue
+        at_even = np.sum(np.minimum(_off_the_line(even, way)[beside], most))
+        if at_even < SMOOTHER * roughness:
+            best, roughness = even, at_even
+    if best is stamp:
         return position, torque, 0.0
-    jitter = float(np.sqrt(np.mean((stamp - even) ** 2)))
-    moved = np.round(even).astype(position.stamp.dtype)
+    jitter = float(np.sqrt(np.mean((stamp - best) ** 2)))
+    moved = np.round(best).astype(position.stamp.dtype)
     place = np.searchsorted(position.stamp, torque.stamp).clip(max=len(stamp) - 1)
     same = position.stamp[place] == torque.stamp
-    return (replace(position, stamp=moved),
-            replace(torque, stamp=np.where(same, moved[place], torque.stamp)), 1e-9 * jitter)
+    return (_at(position, moved), _at(torque, np.where(same, moved[place], torque.stamp)),
+            1e-9 * jitter)
+
+
+def _at(series: Series, stamp: np.ndarray) -> Series:
+    """Return a series at other stamps; what is missing between these is counted anew."""
+    return replace(series, stamp=stamp, counts=replace(
+        series.counts, **vars(spacing_counts(stamp))))
 
 
 def _off_the_line(time: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -91,18 +91,51 @@ class Numbered:
     off: float
 
 
+def by_spacings(stamp: np.ndarray, period: float) -> np.ndarray:
+    """Return the numbers (n,) of stamps of one part, from 0 on, by how far each is from the next.
+    """
+    return np.r_[0.0, np.cumsum(np.round(np.diff(stamp) / period))]
+
+
+def by_line(stamp: np.ndarray, period: float) -> np.ndarray:
+    """Return the numbers (n,) of stamps of one part, from 0 on, that jitter.
+
+    Spacings tell them, unless one may be rounded wrongly because a sample was stamped late and the
+    next one early. Then the line through some stamps numbers twice as many, and so on.
+    """
+    steps, numbers = np.diff(stamp) / period, by_spacings(stamp, period)
+    if np.abs(steps - np.round(steps)).max(initial=0.0) < CLEAR:
+        return numbers
+    time = stamp - stamp[0]
+    slope, known = _period(time, period), min(FIRST, len(stamp))
+    offset = slope * float(np.angle(np.exp(2j * np.pi * time[:known] / slope).mean())) / 2.0 / np.pi
+    return _along_line(time, slope, offset)
+
+
+def in_a_row(stamp: np.ndarray, period: float) -> np.ndarray:
+    """Return the numbers (n,) of stamps of one part, from 0 on, whose spacings say nothing.
+
+    Times in steps of about a period stand still or jump by two, with no sample missing. The usual
+    time of many samples tells the period, and a sample is missing where many behind it are late.
+    """
+    if len(stamp) <= FIRST:
+        return by_spacings(stamp, period)
+    time = stamp - stamp[0]
+    slope = float(np.median(time[FIRST:] - time[:-FIRST])) / FIRST
+    return _along_line(time, slope, float(np.median(time[:FIRST] - slope * np.arange(FIRST))))
+
+
 def numbered(stamp: np.ndarray, parts: Sequence[np.ndarray], period: float,
-             jittered: bool = False) -> Numbered:
+             numbers_of: Callable[[np.ndarray, float], np.ndarray] = by_spacings) -> Numbered:
     """Return stamps as those of an even grid.
 
     Args:
         stamp: (n,) ns, increasing.
         parts: rows of each uninterrupted part.
         period: about that of the grid, ns.
-        jittered: whether spacings alone may not tell how many samples are missing.
+        numbers_of: stamps of a part and the period -> their numbers, which tell what is missing.
     """
-    numbers = tuple(_numbers(stamp[part], period) if jittered else
-                    _by_spacings(stamp[part], period) for part in parts)
+    numbers = tuple(numbers_of(stamp[part], period) for part in parts)
     centred = [(number - number.mean(), stamp[part] - stamp[part].mean())
                for number, part in zip(numbers, parts, strict=True)]
     slope = float(sum(number @ time for number, time in centred)
@@ -113,30 +146,29 @@ def numbered(stamp: np.ndarray, parts: Sequence[np.ndarray], period: float,
         float(np.abs(stamp[part] - time).max()) for part, time in zip(parts, times, strict=True)))
 
 
-def _by_spacings(stamp: np.ndarray, period: float) -> np.ndarray:
-    """Return the numbers (n,) of stamps of one part, from 0 on, by how far each is from the next.
-    """
-    return np.r_[0.0, np.cumsum(np.round(np.diff(stamp) / period))]
-
-
-def _numbers(stamp: np.ndarray, period: float) -> np.ndarray:
-    """Return the numbers (n,) of stamps of one part, from 0 on.
-
-    Spacings tell them, unless one may be rounded wrongly because a sample was stamped late and the
-    next one early. Then the line through some stamps numbers twice as many, and so on.
-    """
-    steps, numbers = np.diff(stamp) / period, _by_spacings(stamp, period)
-    if np.abs(steps - np.round(steps)).max(initial=0.0) < CLEAR:
-        return numbers
-    time = stamp - stamp[0]
-    slope, known = _period(time, period), min(FIRST, len(stamp))
-    offset = slope * float(np.angle(np.exp(2j * np.pi * time[:known] / slope).mean())) / 2.0 / np.pi
+def _along_line(time: np.ndarray, slope: float, offset: float) -> np.ndarray:
+    """Return the numbers (n,) of times by a line through the first of them that is bent to more."""
+    numbers, known = np.zeros(len(time)), min(FIRST, len(time))
     while True:
-        numbers[:known] = np.round((time[:known] - offset) / slope)
-        if known == len(stamp):
+        numbers[:known] = _increasing((time[:known] - offset) / slope)
+        if known == len(time):
             return numbers - numbers[0]
         slope, offset = np.polyfit(numbers[:known], time[:known], 1)
-        known = min(2 * known, len(stamp))
+        known = min(2 * known, len(time))
+
+
+def _increasing(places: np.ndarray) -> np.ndarray:
+    """Return the whole numbers that places (n,) on a line are nearest to, if these increase.
+
+    Else they are nearest to the places together: what is missing before a sample never decreases.
+    """
+    numbers = np.round(places)
+    if np.diff(numbers).min(initial=1.0) >= 1.0:
+        return numbers
+    from scipy.optimize import isotonic_regression  # slow to load, and not always needed
+
+    row = np.arange(len(places))
+    return np.asarray(row + np.round(isotonic_regression(places - row).x))
 
 
 def _period(time: np.ndarray, period: float) -> float:
