@@ -3,15 +3,20 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from axes import axis
 from foreign import COULOMB, INERTIA, VISCOUS, read, swings, torque_of
 
 from par4_identification.fitting.identification import identify
+from par4_identification.logs.column_choice import chosen_columns
+from par4_identification.logs.table_bag import measured_of_files
 from par4_identification.setup_check.check import check_setup
 from par4_identification.signals.conditioning import Conditioning
 from par4_identification.signals.scales import conditioning_for
+from par4_kinematics.errors import InputError
 
 
 def values_of(log):
@@ -25,6 +30,13 @@ def values_of(log):
 def coarse(t, step=2.0 ** -10):
     """Return times as 32-bit numbers tell them some hours after they began."""
     return np.round(t / step) * step
+
+
+def table(folder, time, q, tau):
+    """Write a CSV with all digits of 64-bit numbers and return its path."""
+    np.savetxt(folder / 'log.csv', np.stack((time.astype(float), q, tau), axis=1), delimiter=',',
+               header='t,q,tau', comments='', fmt='%.17g')
+    return folder / 'log.csv'
 
 
 def lost(count, samples, seed=0):
@@ -69,3 +81,35 @@ def test_losses_under_right_stamps_stay_losses(tmp_path, share):
     assert log.accounts.jitter == 0.0
     assert log.accounts.position.lost == missing
     assert log.period == pytest.approx(1e-3, rel=1e-9)
+
+
+@pytest.mark.parametrize(('unit', 'start', 'rate', 'told'), [
+    ('s', 9000.0, 1000.0, 'steps of 0.977 ms'), ('ms', 2e7, 250.0, 'steps of 2 ms'),
+    ('s', 9000.0, 50.0, None), ('s', 1.0, 1000.0, None)])
+def test_times_of_32_bits_are_told_where_their_steps_show(tmp_path, unit, start, rate, told):
+    t, q, qd, qdd = swings(20.0, rate)
+    numbers = (start + t / {'s': 1.0, 'ms': 1e-3}[unit]).astype(np.float32)
+    path = table(tmp_path, numbers, q, torque_of(qd, qdd))
+    found = [line for line in measured_of_files([path], chosen_columns(
+        f'time=t:{unit} position=q:rad torque=tau:Nm')).findings() if '32-bit' in line]
+    assert len(found) == (told is not None)
+    assert all(told in line and f'give --rate {rate:g}' in line for line in found)
+
+
+def test_times_that_are_rounded_alone_are_no_numbers_of_32_bits(tmp_path):
+    t, q, qd, qdd = swings(20.0, 1000.0)
+    path = table(tmp_path, 9000.0 + coarse(t, 1e-3), q, torque_of(qd, qdd))
+    assert not any('32-bit' in line for line in measured_of_files([path], chosen_columns(
+        'time=t:s position=q:rad torque=tau:Nm')).findings())
+
+
+def test_times_of_32_bits_that_repeat_are_refused(tmp_path):
+    """They were told as two machines on one topic when the bag was read."""
+    t, q, qd, qdd = swings(20.0, 500.0)
+    path = table(tmp_path, (41000.0 + t).astype(np.float32), q, torque_of(qd, qdd))
+    with pytest.raises(InputError) as refused:
+        measured_of_files([path], chosen_columns('time=t:s position=q:rad torque=tau:Nm'))
+    assert re.fullmatch(
+        r'.*log.csv: 48\d\d of 10000 rows have the time of another: the times are 32-bit numbers '
+        r'with steps of 3.91 ms; if no row is missing, leave the column of the time out and give '
+        r'--rate 500', str(refused.value))

@@ -55,6 +55,7 @@ class Measured:
         integrated: whether the position is the integral of the velocity.
         tables: whose rows are put between each other: what each holds, and its times (n,), s. In
             the rows of one the quantities of others have no number. Empty if there is one.
+        time_step: of times that are 32-bit numbers and coarse beside their spacing, s; 0 of others.
     """
 
     kind: JointKind
@@ -64,6 +65,7 @@ class Measured:
     untimed: int
     integrated: bool = False
     tables: tuple[tuple[str, np.ndarray], ...] = ()
+    time_step: float = 0.0
 
     @property
     def joints(self) -> int:
@@ -74,6 +76,13 @@ class Measured:
     def period(self) -> float:
         """Usual spacing of the stamps, s: the median, made exact by the mean where no gap is."""
         return _period_of(1e-9 * self.stamp)
+
+    @property
+    def coarse_times(self) -> str:
+        """What to know and to do of times that are 32-bit numbers, in words."""
+        rate = (len(self.stamp) - 1) / (1e-9 * float(np.ptp(self.stamp)))
+        return (f'the times are 32-bit numbers with steps of {1e3 * self.time_step:.3g} ms; if no '
+                f'row is missing, leave the column of the time out and give --rate {rate:.4g}')
 
     def account(self) -> tuple[str, ...]:
         """Return what was read, a line each: rate, then range of every quantity."""
@@ -99,6 +108,8 @@ class Measured:
             (self.untimed, 'rows without a time, left out'),
             (np.count_nonzero(np.diff(self.stamp) == 0), 'stamps repeated'),
             (np.count_nonzero(np.diff(self.stamp) < 0), 'times the clock goes back')) if count]
+        if self.time_step:
+            found.append(self.coarse_times)
         for quantity, values in self.values.items():
             empty = np.count_nonzero(~np.isfinite(values))
             if empty and not self.tables and not (

@@ -19,7 +19,7 @@ from par4_identification.logs.column_choice import (
 from par4_identification.logs.dates import DATES, DAY, day_after_day
 from par4_identification.logs.log_table import held_columns, read_columns
 from par4_identification.logs.measured import Measured, are_readings
-from par4_identification.logs.series import FEWEST_SAMPLES
+from par4_identification.logs.series import FEWEST_SAMPLES, MOST_CONFLICTS
 from par4_identification.logs.units import HIGHEST_RATE_HZ, LOWEST_RATE_HZ, TURN
 from par4_kinematics.errors import InputError
 from par4_kinematics.files import written_atomically
@@ -36,6 +36,13 @@ LATEST = 2.0 ** 31
 EPOCH = 1e8
 """s from which on a time counts from 1970 and is kept; others begin with the stamp of one second,
 since a stamp of zero means that there is none. Of a clock that goes back the earliest time does."""
+
+
+STEPS = 0.1
+"""Step of times that are 32-bit numbers, over their spacing, from which it is told."""
+NO_STEP = 0.01
+"""Most by which they miss such numbers, of that step: a file has six digits behind the point. Other
+times miss them by up to half a step."""
 
 
 @dataclass(frozen=True)
@@ -118,8 +125,15 @@ def measured_of_files(files: Sequence[str | Path], choices: dict[str, Choice],
         for mask in clips_of(values).values():
             q[mask] = np.nan
         values = {'position': q, **values}
-    return Measured(kind, stamp, values, rows, untimed, integrated, () if len(tables) == 1 else
-                    tuple((', '.join(one.values), one.kept(part)) for one in tables))
+    measured = Measured(
+        kind, stamp, values, rows, untimed, integrated, () if len(tables) == 1 else
+        tuple((', '.join(one.values), one.kept(part)) for one in tables),
+        _step_of(time, float(factors['time'][0])) if 'time' in choices and not dates else 0.0)
+    repeated = int(np.count_nonzero(np.diff(stamp) == 0))
+    if measured.time_step and repeated > MOST_CONFLICTS * len(stamp):
+        raise InputError(f'{files[0]}: {repeated} of {len(stamp)} rows have the time of another: '
+                         f'{measured.coarse_times}')
+    return measured
 
 
 @dataclass(frozen=True)
@@ -321,6 +335,18 @@ def _integral(velocity: np.ndarray, time: np.ndarray) -> np.ndarray:
     steps = 0.5 * (v[1:] + v[:-1]) * np.maximum(np.diff(t), 0.0)
     way[known, 0] = np.cumsum(np.concatenate((np.zeros(min(len(v), 1)), steps)))
     return way
+
+
+def _step_of(time: np.ndarray, unit: float) -> float:
+    """Return the step of times (n,), s, that are 32-bit numbers of a unit, s; 0 if it is none.
+
+    It is none beside spacings of ten steps and more either.
+    """
+    numbers = time / unit
+    step = float(np.spacing(np.float32(np.abs(numbers).max())))
+    off = np.abs(numbers - numbers.astype(np.float32)).max()
+    apart = float(np.ptp(time)) / (len(time) - 1)
+    return unit * step if off < NO_STEP * step and unit * step > STEPS * apart else 0.0
 
 
 def _refuse_overlap(files: Sequence[str | Path], time: np.ndarray, lengths: Sequence[int]) -> None:
