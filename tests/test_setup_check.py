@@ -861,7 +861,7 @@ def test_readings_that_leak_into_each_other_move_no_zero(clean):
 def test_a_torque_in_coarse_steps_is_not_held_and_a_logger_that_holds_is(step, held):
     """Its readings repeat by chance, four times in a row in any log of 20 s."""
     random, t = np.random.default_rng(7), 1e-3 * np.arange(20_000)
-    q = 0.1 * np.sin(2.0 * np.pi * 0.3 * t)
+    q = -0.1 * np.sin(2.0 * np.pi * 0.9 * t)
     tau = 100.0 * np.sin(2.0 * np.pi * 0.9 * t) + random.normal(0.0, 2.0, len(t))
     tau = step * np.round(tau / step)
     if held:
@@ -869,6 +869,24 @@ def test_a_torque_in_coarse_steps_is_not_held_and_a_logger_that_holds_is(step, h
     log = Log('coarse', ('motor',), 1, 1e-3, t, q[:, None], tau[:, None], (slice(0, len(t)),),
               None, None)
     assert [item.torque for item in held_stretches(log)] == [True] * held
+
+
+@pytest.mark.parametrize('held', [False, True])
+def test_a_torque_in_coarse_steps_stands_still_at_a_steady_speed(held):
+    """In steps of a signed byte it stood for up to 2 s, and jumped where the joint slowed down."""
+    random, period = np.random.default_rng(8), 0.02
+    gain = 6.0 * np.sin(np.linspace(0.0, np.pi, 100))
+    cycle = np.concatenate((gain, np.zeros(100), np.full(50, -gain.sum() / 50.0)))
+    qdd = np.concatenate([sign * cycle for sign in (1.0, -1.0) * 12])
+    qd = np.cumsum(qdd) * period
+    q = np.cumsum(qd) * period
+    tau = 2.0 * qdd + 3.0 * np.tanh(qd / 0.05) + random.normal(0.0, 0.05, len(q))
+    tau = 0.25 * np.round(tau / 0.25)
+    if held:
+        tau[2560:2585] = tau[2560]
+    log = Log('coarse', ('motor',), 1, period, period * np.arange(len(q)),
+              1e-3 * np.round(1e3 * q)[:, None], tau[:, None], (slice(0, len(q)),), None, None)
+    assert [item.end for item in held_stretches(log)] == [2585] * held
 
 
 def test_of_a_long_log_that_is_useless_only_stretches_are_looked_at(clean, monkeypatch):

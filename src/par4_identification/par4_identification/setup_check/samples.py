@@ -31,6 +31,11 @@ FEWEST = 4
 """Samples in a row that a held reading repeats."""
 BY_CHANCE = 0.05
 """Runs of a log as long as one that chance may make, at the most, for that one to be held."""
+COARSE, COUNTED = 500.0, 3.0
+"""Steps in the range of a torque up to which they are coarse, as those of a signed byte or of per
+cent, and counts of an encoder that make a cubic along its readings at the most."""
+APART = 0.05
+"""s over which the acceleration of a joint is taken beside its torque."""
 FASTER = 3.0
 """Ratio of a jump to what the joint travels in a sample, beside it."""
 BRIEF, UNMOVED = 0.06, 4.0
@@ -130,25 +135,33 @@ def held_stretches(log: Log) -> list[Held]:
             found.append(Held(segment.start + start, segment.start + end, tuple(sorted(joints)),
                               bool(stands[start:end - 1].all())))
         at_end = np.asarray(flat[segment].all(axis=1))
-        found += _held_torques(q, tau, stands & ~at_end[1:], segment.start)
+        found += _held_torques(q, tau, stands & ~at_end[1:], segment.start, log.period)
     return _distinct(found)
 
 
-def _held_torques(q: np.ndarray, tau: np.ndarray, stands: np.ndarray, offset: int) -> list[Held]:
+def _held_torques(q: np.ndarray, tau: np.ndarray, stands: np.ndarray, offset: int, period: float
+                  ) -> list[Held]:
     """Return where all torques repeat exactly while positions go on, and then jump.
 
     A torque in coarse steps repeats by chance, mostly once, and changes by a step or two then. How
-    often it repeats once tells how seldom it repeats for longer.
+    often it repeats once tells how seldom it repeats for longer. It also stands as long as a joint
+    keeps its acceleration, as at a steady speed, and jumps where that ends.
     """
     found, runs = [], list(stretches(stands))
+    inertia: np.ndarray | None = None
     once = sum(last - start == 1 for start, last in runs) / max(len(stands), 1)
     counts, steps = (np.array([resolution(own) for own in part.T]) for part in (q, tau))
+    coarse = (steps * COARSE > np.ptp(tau, axis=0)).all()
     for start, last in runs:
         end = last + 1
         if end - start < FEWEST or end >= len(q) or (np.diff(q[start:end], axis=0) == 0.0).all():
             continue
         if len(stands) * once ** (end - start - 1) > BY_CHANCE:
             continue
+        if coarse:
+            inertia = _inertias(q, tau, period) if inertia is None else inertia
+            if (inertia * _acceleration(q[start:end + 1], counts, period) < steps).all():
+                continue
         jumps = np.abs(tau[end] - tau[end - 1])
         jump = jumps.max()
         usual = np.median(np.abs(np.diff(tau[max(start - 50, 0):start + 1], axis=0)).max(axis=1)) \
@@ -158,6 +171,26 @@ def _held_torques(q: np.ndarray, tau: np.ndarray, stands: np.ndarray, offset: in
                 and (moved > COUNTS * counts).any()):
             found.append(Held(offset + start, offset + end, (), True))
     return found
+
+
+def _inertias(q: np.ndarray, tau: np.ndarray, period: float) -> np.ndarray:
+    """Return about the torque that an acceleration of each joint takes, (J,), beside friction."""
+    apart = max(1, round(APART / period))
+    before, here, after = q[:-2 * apart], q[apart:-apart], q[2 * apart:]
+    speed, bent = (after - before) / (2.0 * apart * period), after - 2.0 * here + before
+    return np.array([abs(np.linalg.lstsq(
+        np.stack((a, v, np.sign(v), np.ones_like(v)), axis=1), own, rcond=None)[0][0])
+        for a, v, own in zip((bent / (apart * period) ** 2).T, speed.T, tau[apart:-apart].T)])
+
+
+def _acceleration(q: np.ndarray, counts: np.ndarray, period: float) -> np.ndarray:
+    """Return by how much the acceleration of joints changes along readings (n, J), (J,).
+
+    It is that of a cubic; none where counts (J,) may have made the cubic.
+    """
+    half = 0.5 * (len(q) - 1) * period
+    cubic = np.abs(np.polynomial.polynomial.polyfit(np.linspace(-1.0, 1.0, len(q)), q, 3)[3])
+    return np.where(cubic > COUNTED * counts, 12.0 * cubic / half ** 2, 0.0)
 
 
 @dataclass(frozen=True)
