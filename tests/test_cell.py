@@ -9,12 +9,11 @@ import signal
 import subprocess
 import sys
 import time
-from collections import Counter, deque
+from collections import Counter
 from contextlib import nullcontext
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from threading import Lock
 from types import SimpleNamespace
 from typing import Any
 from unittest import mock
@@ -23,7 +22,6 @@ import numpy as np
 import pytest
 from rclpy.clock import Clock
 from rclpy.duration import Duration
-from rclpy.node import Node
 from rclpy.serialization import serialize_message
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
@@ -66,8 +64,9 @@ from par4_kinematics.motion import Motion, motion_of_joints
 from par4_kinematics.motion_file import named_motion, write_motion
 from par4_kinematics.position import forward_kinematics
 from par4_kinematics.robot import JOINT_NAMES
+from par4_kinematics.ros.clock_watch import TO_AND_FRO, ClockWatch
 from par4_kinematics.ros.convert import joint_values, time_ns, write_joint_state
-from par4_kinematics.ros.node import TO_AND_FRO, Par4Node
+from par4_kinematics.ros.node import NOT_LOGGED, Par4Node
 from par4_kinematics.ros.parameters import config
 from par4_kinematics.stamps import SECOND
 from par4_kinematics.workspace import inside
@@ -78,6 +77,7 @@ from par4_sim.ros.zero_stamp import ZeroStamps
 
 OK, WARN, ERROR = b'\x00', b'\x01', b'\x02'
 GAIN = np.asarray(ROBOT.drives.gain)
+JUMP = SimpleNamespace(delta=Duration(nanoseconds=-SECOND))
 
 
 def wait_for_state(bench: Bench, diagnostics: list, node: str, level: bytes, text: str) -> Any:
@@ -250,42 +250,43 @@ def test_a_robot_whose_joints_have_other_names_is_told(bench):
         diagnostics, 'par4_kinematics')), 'par4_kinematics to have heard the robot')
 
 
-def test_the_clock_of_a_simulation_that_was_killed_is_no_second_one(monkeypatch):
+def test_the_clock_of_a_simulation_that_was_killed_is_no_second_one(bench, monkeypatch):
     """The middleware knows it for some 20 s more; two that run make the clock jump to and fro."""
-    wall = SimpleNamespace(monotonic=lambda: 100.0)
-    monkeypatch.setattr('par4_kinematics.ros.node.time', wall)
-    node = SimpleNamespace(simulated_time=True, clocks=lambda: 2, _jumped=deque(maxlen=2))
-    node._clock_jumps_to_and_fro = lambda: Par4Node._clock_jumps_to_and_fro(node)
-    node._jumped.append(99.0)
-    state = Par4Node.state(node)
+    wall = SimpleNamespace(now=99.0)
+    monkeypatch.setattr('par4_kinematics.ros.clock_watch.time',
+                        SimpleNamespace(monotonic=lambda: wall.now))
+    watch = ClockWatch(bench.node, bench.node.get_clock(), lambda: None)
+    watch._on_jump(JUMP)
+    wall.now = 100.0
+    assert watch.state(1) is None
+    state = watch.state(2)
     assert state.level == WARN
     assert 'may have been killed' in state.text
-    node._jumped.append(99.9)
-    state = Par4Node.state(node)
+    wall.now = 99.9
+    watch._on_jump(JUMP)
+    wall.now = 100.0
+    state = watch.state(2)
     assert state.level == ERROR
     assert state.text.startswith('2 publish /clock: end all but one simulation')
-    wall.monotonic = lambda: 99.0 + TO_AND_FRO
-    assert Par4Node.state(node).level == WARN
+    wall.now = 99.0 + TO_AND_FRO
+    assert watch.state(2).level == WARN
 
 
 def test_jumps_of_a_clock_are_told_at_once_and_then_now_and_then(bench, monkeypatch):
     """Two clocks make it jump all the time."""
-    node = Par4Node.__new__(Par4Node)
-    Node.__init__(node, 'jumping', context=bench.context)
-    told, log = [], node.get_logger().log
-    monkeypatch.setattr(node.get_logger(), 'log', lambda text, *args, **kwargs: told.append(
-        text) if log(text, *args, **kwargs) else None)
-    node.wall_clock = WallClock()
-    node.counts, node._counting, node._jumped = Counter(), Lock(), deque(maxlen=2)
-    jump = SimpleNamespace(delta=Duration(nanoseconds=-SECOND))
+    told, jumps, logger = [], [], bench.node.get_logger()
+    log = logger.log
+    monkeypatch.setattr(logger, 'log', lambda text, *args, **kwargs: told.append(text) if log(
+        text, *args, **kwargs) else None)
+    wall_clock = WallClock()
+    watch = ClockWatch(bench.node, wall_clock, lambda: jumps.append(1))
     for second in range(25):
-        node.wall_clock.seconds = 100.0 + second
-        node._on_jump(jump)
+        wall_clock.seconds = 100.0 + second
+        watch._on_jump(JUMP)
     assert len(told) == 3
     assert told[0].startswith('the clock jumped back by 1.000 s')
-    assert node.counts['clock_jumps'] == 25
-    assert 'clock_jumps' in Par4Node.expected(node)
-    node.destroy_node()
+    assert len(jumps) == 25
+    assert 'clock_jumps' in NOT_LOGGED
 
 
 class WallClock(Clock):

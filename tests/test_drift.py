@@ -23,7 +23,7 @@ from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES, Topic
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.robot import JOINT_NAMES
 from par4_kinematics.ros.convert import write_joint_state
-from par4_kinematics.ros.node import State
+from par4_kinematics.ros.diagnostics import State
 from par4_kinematics.stamps import SECOND
 from robots import REFERENCE
 

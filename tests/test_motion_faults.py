@@ -28,8 +28,8 @@ from par4_kinematics.motion_file import named_motion, write_motion
 from par4_kinematics.robot import JOINT_NAMES
 from par4_kinematics.ros import motion_node
 from par4_kinematics.ros.convert import read_trajectory
+from par4_kinematics.ros.diagnostics import State
 from par4_kinematics.ros.motion_node import MotionNode
-from par4_kinematics.ros.node import State
 from par4_kinematics.ros.played import Played
 from par4_kinematics.ros.silence import Silence
 from par4_kinematics.stamps import SECOND
@@ -271,9 +271,9 @@ def test_a_robot_that_stands_and_warns_of_something_is_quoted(cell, robot_node):
 
 @pytest.mark.parametrize(('level', 'quoted'), [(State.OK, ''), (State.WARN, 'reset')])
 def test_of_a_node_its_state_is_quoted_without_what_it_counts(cell, robot_node, level, quoted):
-    cell.node._diagnostics = mock.Mock()
+    cell.node._diagnostics._publisher = mock.Mock()
     cell.node._tell(State(level, 'reset', 'a remedy'), {'late_steps': 615})
-    told = cell.node._diagnostics.publish.call_args.args[0]
+    told = cell.node._diagnostics._publisher.publish.call_args.args[0]
     assert told.status[0].message == 'reset: a remedy; 615 late_steps'
     assert told.status[0].level == State.WARN
     told.status[0].name = robot_node
@@ -284,7 +284,7 @@ def test_of_a_node_its_state_is_quoted_without_what_it_counts(cell, robot_node, 
 
 def test_diagnostics_of_several_nodes_are_not_taken_for_missed_ones(cell):
     """Each numbers its own; the second is far ahead of the first."""
-    cell.node._diagnostics = mock.Mock()
+    cell.node._diagnostics._publisher = mock.Mock()
     for number in (6, 68):
         cell.node._arrivals[DIAGNOSTICS.name].take(number)
     cell.node._arrivals[JOINT_STATES.name].take(1)
@@ -292,7 +292,7 @@ def test_diagnostics_of_several_nodes_are_not_taken_for_missed_ones(cell):
     cell.node._arrivals[JOINT_STATES.name].take(4)
     cell.node.report()
     first, second = (call.args[0].status[0]
-                     for call in cell.node._diagnostics.publish.call_args_list)
+                     for call in cell.node._diagnostics._publisher.publish.call_args_list)
     assert 'missed_messages' not in first.message
     assert first.level == State.OK
     assert '2 missed_messages' in second.message

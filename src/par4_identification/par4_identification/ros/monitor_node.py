@@ -17,7 +17,8 @@ from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES, Topic
 from par4_kinematics.robot import read_robot
 from par4_kinematics.ros.convert import is_foreign, joint_values, time_ns
-from par4_kinematics.ros.node import Par4Node, State
+from par4_kinematics.ros.diagnostics import State
+from par4_kinematics.ros.node import Par4Node
 from par4_kinematics.ros.process import run
 from par4_kinematics.stamps import SECOND
 

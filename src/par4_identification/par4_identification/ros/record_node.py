@@ -17,7 +17,8 @@ from rclpy.subscription import Subscription
 from par4_identification.ros.record_parameters import RecordParameters, asked_to_mend
 from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES, RECORDED_TOPICS, Topic
-from par4_kinematics.ros.node import SILENCE, Par4Node, State
+from par4_kinematics.ros.diagnostics import State
+from par4_kinematics.ros.node import SILENCE, Par4Node
 from par4_kinematics.ros.numbering import Numbering
 from par4_kinematics.ros.process import run
 from par4_kinematics.stamps import SECOND

@@ -24,9 +24,10 @@ from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import read_robot
 from par4_kinematics.ros import motion_faults
 from par4_kinematics.ros.convert import is_foreign, joint_values, time_ns, write_trajectory
+from par4_kinematics.ros.diagnostics import State
 from par4_kinematics.ros.goal_server import ACTION, ARRIVED, GoalServer
 from par4_kinematics.ros.motion_parameters import MotionParameters
-from par4_kinematics.ros.node import SILENCE, Par4Node, State, waited_for
+from par4_kinematics.ros.node import SILENCE, Par4Node, waited_for
 from par4_kinematics.ros.played import Played
 from par4_kinematics.ros.process import run
 from par4_kinematics.ros.silence import Silence

@@ -1,20 +1,16 @@
-"""What the nodes of all packages share: parameters, topics, clock, state, diagnostics."""
+"""What the nodes of all packages share: parameters, topics, services, counts, state."""
 
 from __future__ import annotations
 
-import math
 import time
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
 from threading import Lock
 from typing import Any, ClassVar
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.clock import Clock, JumpThreshold, TimeJump
+from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.duration import Duration
 from rclpy.exceptions import ParameterException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -26,16 +22,15 @@ from rclpy.subscription import Subscription
 from std_srvs.srv import Trigger
 
 from par4_kinematics.errors import InputError, Par4Error, UnreachableError, one_line
-from par4_kinematics.interface import CLOCK, COUNTS, DIAGNOSTICS, JOINT_STATES, REFERENCE, Topic
+from par4_kinematics.interface import CLOCK, DIAGNOSTICS, JOINT_STATES, REFERENCE, Topic
 from par4_kinematics.limits import limits_not_given
 from par4_kinematics.robot import JOINT_NAMES, Robot
 from par4_kinematics.ros.arrivals import Arrivals
-from par4_kinematics.ros.convert import write_time
+from par4_kinematics.ros.clock_watch import ClockWatch
+from par4_kinematics.ros.diagnostics import Diagnostics, State
 from par4_kinematics.ros.parameters import NodeParameters, check_those_of_ros, declare
 from par4_kinematics.ros.qos import message_type, qos_of
-from par4_kinematics.ros.troubles import TROUBLE
 from par4_kinematics.runner import runner_has_ended
-from par4_kinematics.stamps import SECOND
 
 NOT_LOGGED = ('rejected_messages', 'unreachable_poses', 'late_steps', 'missed_messages',
               'skipped_windows', 'clock_jumps')
@@ -44,11 +39,6 @@ SIMULATED_TIME = 'use_sim_time'
 """Parameter of every node of ROS: whether it follows a published clock."""
 SILENCE = 0.95
 """Seconds of wall time after which a stream that flowed, or the clock, counts as dead."""
-TO_AND_FRO = 3.0
-"""Seconds within which two jumps back of a clock are those of two clocks."""
-JUMP_PERIOD = 10.0
-"""Seconds of wall time at the least between lines that a clock jumped back: two clocks make it do
-so all the time, and the state says that already."""
 LAST_WORDS = 0.5
 """Longest wait, s, until those who hear the diagnostics have the last one of a node that failed."""
 REPORT_PERIOD = 1.0
@@ -64,25 +54,6 @@ STARTS = {
     REFERENCE.name: 'start par4_motion with the same ROS_DOMAIN_ID and namespace',
 }
 """Topic -> what to do where nobody publishes it."""
-
-
-@dataclass(frozen=True)
-class State:
-    """What a node does now, in words, and how bad that is.
-
-    Attributes:
-        level: OK, WARN or ERROR.
-        text: what it does; a change of it is logged.
-        detail: what may change all the time.
-    """
-
-    level: bytes
-    text: str
-    detail: str = ''
-
-    OK: ClassVar[bytes] = DiagnosticStatus.OK
-    WARN: ClassVar[bytes] = DiagnosticStatus.WARN
-    ERROR: ClassVar[bytes] = DiagnosticStatus.ERROR
 
 
 def waited_for(topic: Topic, nobody: bool) -> str:
@@ -126,19 +97,12 @@ class Par4Node(Node):
         self._arrivals: dict[str, Arrivals] = {}
         self._inputs: list[Callable[[], bool]] = []
         self._subscribed: dict[str, Subscription] = {}
-        self._reported: dict[str, int] = {}
-        self._explained: set[str] = set()
-        self._last_state = State(State.OK, 'running')
-        self._clock_ns, self._clock_moved = 0, math.inf
-        self._jumped: deque[float] = deque(maxlen=2)
         self._alone = False
         self._told_awaited, self._began = False, time.monotonic()
         self.failure: Par4Error | None = None
-        self._jumps = self.get_clock().create_jump_callback(
-            JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1),
-                          on_clock_change=False), post_callback=self._on_jump)
+        self._clock_watch = ClockWatch(self, self.wall_clock, self._on_jump)
         self.add_on_set_parameters_callback(self._keep_clock)
-        self._diagnostics = self.publisher_of(DIAGNOSTICS)
+        self._diagnostics = Diagnostics(self, self.publisher_of(DIAGNOSTICS))
         self.create_timer(REPORT_PERIOD, self.report, clock=self.wall_clock)
 
     def _keep_clock(self, parameters: list[Parameter]) -> SetParametersResult:
@@ -284,14 +248,8 @@ class Par4Node(Node):
                                   throttle_duration_sec=REPORT_PERIOD,
                                   throttle_time_source_type=self.wall_clock)
 
-    def _on_jump(self, jump: TimeJump) -> None:
+    def _on_jump(self) -> None:
         self.count('clock_jumps')
-        self._jumped.append(time.monotonic())
-        back = -jump.delta.nanoseconds / SECOND
-        self.get_logger().warning(
-            f'the clock jumped back by {back:.3f} s: the simulation was started again, or two '
-            f'publish {CLOCK.name}', throttle_duration_sec=JUMP_PERIOD,
-            throttle_time_source_type=self.wall_clock)
         self.clock_jumped_back()
 
     def clock_jumped_back(self) -> None:
@@ -312,13 +270,9 @@ class Par4Node(Node):
 
     def state(self) -> State:
         """Return what the node does now: whether its streams flow and its clock is one."""
-        clocks = self.clocks() if self.simulated_time else 0
-        if clocks > 1 and self._clock_jumps_to_and_fro():
-            return State(State.ERROR, f'{clocks} publish {CLOCK.name}: end all but one '
-                                      f'simulation, or give each a ROS_DOMAIN_ID of its own')
-        if clocks > 1:
-            return State(State.WARN, f'{clocks} publish {CLOCK.name}, one of which may have been '
-                                     f'killed: it counts for some 20 s more')
+        clock = self._clock_watch.state(self.clocks() if self.simulated_time else 0)
+        if clock is not None:
+            return clock
         mixed = self.mixed_positions()
         if mixed:
             return State(State.ERROR, mixed)
@@ -336,11 +290,6 @@ class Par4Node(Node):
             return State(State.WARN, f'dead input: {", ".join(dead)} came, but no more')
         return State(State.OK, f'waiting for {", ".join(waiting)}' if waiting else 'running')
 
-    def _clock_jumps_to_and_fro(self) -> bool:
-        """Return whether the clock has just jumped back more than once, as two clocks do."""
-        return (len(self._jumped) == self._jumped.maxlen
-                and time.monotonic() - self._jumped[0] < TO_AND_FRO)
-
     def mixed_positions(self) -> str:
         """Return that the positions of the robot come from two places, '' if they do not."""
         return next((f'{name}: the positions jump to and fro, as of two robots or publishers; end '
@@ -351,7 +300,7 @@ class Par4Node(Node):
         """Return the topics of which there was much and is nothing any more, the clock the last."""
         dead = [name for name, input_ in self._arrivals.items()
                 if input_.stream and input_.age is not None and input_.age > SILENCE]
-        if self.simulated_time and time.monotonic() - self._clock_moved > SILENCE:
+        if self.simulated_time and self._clock_watch.age > SILENCE:
             dead.append(CLOCK.name)
         return dead
 
@@ -378,13 +327,6 @@ class Par4Node(Node):
         self._alone = True
         self.get_logger().error('the process that runs this node has ended; so does the node')
         self.end()
-
-    def _look_at_clock(self) -> None:
-        """Note when the clock moved; before its first time it is waited for."""
-        now_ns = self.get_clock().now().nanoseconds
-        if now_ns in (0, self._clock_ns):
-            return
-        self._clock_ns, self._clock_moved = now_ns, time.monotonic()
 
     def faults(self) -> dict[str, int]:
         """Return what the diagnostics tell of things that went wrong, by name.
@@ -426,44 +368,16 @@ class Par4Node(Node):
     def report(self) -> None:
         """Tell the state, and faults that are new."""
         self._look_at_runner()
-        self._look_at_clock()
+        self._clock_watch.look()
         self._tell_awaited()
-        faults = self.faults()
-        new = {name: count - self._reported.get(name, 0) for name, count in faults.items()
-               if count > self._reported.get(name, 0)}
-        self._reported = faults
-        unsaid = {name: count for name, count in new.items() if name not in self.expected()}
-        if unsaid:
-            self.get_logger().warning(', '.join(
-                f'{count} {name}' + ('' if name in self._explained else f' ({COUNTS[name]})')
-                for name, count in unsaid.items()))
-            self._explained |= unsaid.keys()
-        self._tell(self.state(), new)
+        new, state = self._diagnostics.new(self.faults(), self.expected()), self.state()
+        self._diagnostics.log(state)
+        self._tell(state, new)
 
     def _tell(self, state: State, new: dict[str, int]) -> None:
-        """Tell a state and new faults, by name, on the diagnostics, and log what is new in it."""
-        said = f'{state.text}: {state.detail}' if state.detail else state.text
-        if (state.level, state.text) != (self._last_state.level, self._last_state.text):
-            good = state.level == self._last_state.level == State.OK
-            self._last_state = state
-            if state.level == State.OK:  # rclpy wants one severity a line
-                if not good:
-                    self.get_logger().info(said)
-            elif state.level == State.WARN:
-                self.get_logger().warning(said)
-            else:
-                self.get_logger().error(said)
-        news = ', '.join(f'{count} {name}' for name, count in new.items())
-        message = DiagnosticArray()
-        write_time(message.header.stamp, self.now_ns())
-        message.status = [DiagnosticStatus(
-            level=max(state.level, State.WARN if self.worrying(new) else State.OK),
-            name=self.get_fully_qualified_name(),
-            message=f'{said}; {news}' if news else said,
-            values=[KeyValue(key=name, value=str(value)) for name, value in
-                    {TROUBLE: '' if state.level == State.OK else state.text, **self._reported,
-                     **self.traffic(), **self.measures()}.items()])]
-        self._diagnostics.publish(message)
+        """Tell a state and new faults, by name, on the diagnostics."""
+        self._diagnostics.publish(self.now_ns(), state, new, self.worrying(new),
+                                  {**self.traffic(), **self.measures()})
 
     def work(self) -> None:
         """Serve callbacks until the node is finished; what it fails of is told on the diagnostics.
@@ -474,9 +388,9 @@ class Par4Node(Node):
         try:
             self._serve()
         except Par4Error as error:
-            state = self._last_state = State(State.ERROR, f'ended: {one_line(str(error))}')
-            self._tell(state, {})  # but not on the terminal, where `run` tells it
-            self._diagnostics.wait_for_all_acked(Duration(seconds=LAST_WORDS))
+            # but not on the terminal, where `run` tells it
+            self._tell(State(State.ERROR, f'ended: {one_line(str(error))}'), {})
+            self._diagnostics.wait_until_heard(LAST_WORDS)
             raise
 
     def _serve(self) -> None:

@@ -22,7 +22,8 @@ from par4_kinematics.interface import (
 from par4_kinematics.limits import EndSwitches, check_torque
 from par4_kinematics.robot import read_robot
 from par4_kinematics.ros.convert import Trajectory
-from par4_kinematics.ros.node import REPORT_PERIOD, Par4Node, State
+from par4_kinematics.ros.diagnostics import State
+from par4_kinematics.ros.node import REPORT_PERIOD, Par4Node
 from par4_kinematics.ros.process import run
 from par4_kinematics.ros.serialised_trajectory import (
     SerialisedTrajectory,
