@@ -601,6 +601,37 @@ def test_readings_that_repeat_in_no_rhythm_are_told(longest):
     assert all('for up to 60 ms' in line for line in found)
 
 
+def with_dead_band(values, band):
+    kept = [values[0]]
+    for value in values[1:]:
+        kept.append(value if abs(value - kept[-1]) >= band else kept[-1])
+    return np.array(kept)
+
+
+@pytest.mark.parametrize(('position', 'torque', 'told'), [
+    (lambda q: np.interp(np.arange(len(q)), np.arange(0, len(q), 16), q[::16]).round(6), None,
+     'position of joint 0: bends every 16 rows and is straight between: interpolated'),
+    (lambda q: np.round(q / 0.02) * 0.02, None,
+     'position of joint 0: in steps of 0.02 rad, 0.8'),
+    (None, lambda tau: with_dead_band(tau, 0.6), 'and never changes by less than 0.6'),
+    (None, lambda tau: np.round(tau / 0.6) * 0.6, None),
+    (None, lambda tau: np.repeat(tau[::100][np.random.default_rng(9).permutation(200)], 100), None),
+    (lambda q: q.round(4), None, None), (None, None, None)])
+def test_what_a_logger_made_of_readings_is_told(position, torque, told):
+    """Not what coarse steps of a torque look like, nor one that is set to random levels."""
+    t = 1e-3 * np.arange(20000)
+    q = np.sin(3.0 * t) + 0.2 * np.sin(11.0 * t + 1.0)
+    tau = (8.0 * np.cos(5.0 * t) + 2.0 * np.sin(17.0 * t)
+           + np.random.default_rng(7).normal(0.0, 0.05, len(t)))
+    values = {'position': q if position is None else position(q),
+              'torque': tau if torque is None else torque(tau)}
+    found = [line for line in Measured('revolute', np.rint(1e9 * (1.0 + t)).astype(np.int64), {
+        name: column[:, None] for name, column in values.items()}, len(t), 0).findings()
+        if 'changes every' not in line]
+    assert len(found) == (told is not None)
+    assert all(told in line for line in found)
+
+
 def test_lengths_that_start_again_go_on(tmp_path):
     way = np.linspace(0.0, 33.0, COUNT)
     path = csv(tmp_path / 'log.csv', t=T, q=way % 10.0, tau=TAU)
