@@ -331,9 +331,12 @@ class Measured:
 def _interpolated(values: np.ndarray) -> int:
     """Return every how many rows readings (n,) bend, being straight between; 0 if everywhere."""
     bends = np.abs(np.diff(values, 2))
+    if not len(bends):
+        return 0
+    bends = np.minimum(bends, np.quantile(bends, 0.99))  # a few jumps would count for all rows
     for every in range(min(MOST_ROWS, len(bends) // FEWEST), 1, -1):
         whole = bends[:len(bends) // every * every].reshape(-1, every)
-        shares = np.minimum(whole, np.quantile(bends, 0.99)).sum(axis=0)
+        shares = whole.sum(axis=0)
         if shares.max() > KNOTS * shares.sum():
             return every
     return 0
