@@ -29,6 +29,7 @@ from par4_kinematics.geometry import LEGS
 from par4_kinematics.interface import BASE_FRAME
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot, read_robot
+from par4_sim.choices import STEP
 from par4_sim.closed_loop.simulation import build_plant
 from par4_sim.description.chains import (
     PLATE_CHAINS,
@@ -41,7 +42,7 @@ from par4_sim.machines.friction import Friction
 from par4_sim.machines.machine import Machine
 from par4_sim.machines.machine_effects import machine_of_model
 from par4_sim.plants.exact import ExactPlant
-from par4_sim.plants.plant import STEP, Plant
+from par4_sim.plants.plant import Plant
 
 ROUND_TRIP = 0.25
 """s"""

@@ -22,7 +22,7 @@ from par4_dynamics.model_file import read_model_file
 from par4_kinematics.adept import adept_motion
 from par4_kinematics.files import write_yaml
 from par4_kinematics.robot import read_robot
-from par4_sim.plants.plant import STEP
+from par4_sim.choices import STEP
 from par4_sim.tracking.case import Plan, compared
 
 ROBOT = read_robot('reference')

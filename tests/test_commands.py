@@ -943,9 +943,10 @@ def test_sizes_that_differ_or_are_parts_of_a_whole_or_shares():
     assert phrase_of_cause(offset, REFERENCE) == (
         '-0.30 to 0.52 N m of constant torque offset on all joints')
     single = cause('torque_offset', (0,), offset=(-3.2,))
-    assert phrase_of_cause(single, AXIS) == '-3.2 N of constant torque offset'
-    force = SimpleNamespace(name='external_force', phrase='external force', parameters=tuple(
-        EffectParameter(name, 'N', 'machine') for name in 'xyz'))
+    assert phrase_of_cause(single, AXIS) == '-3.2 N of constant force offset'
+    force = SimpleNamespace(
+        name='external_force', phrase='external force', by_sign=None, parameters=tuple(
+            EffectParameter(name, 'N', 'machine') for name in 'xyz'))
     values = {name: Parameter(value=value, unit='N') for name, value in zip('xyz', (1, -2, 0.5))}
     pull = SimpleNamespace(effect=force, joints=(0, 1, 2, 3), parameters=values, twins=())
     assert phrase_of_cause(pull, REFERENCE) == 'external force (x 1.0 N, y -2.0 N, z 0.50 N)'
@@ -963,7 +964,7 @@ def test_sizes_that_differ_or_are_parts_of_a_whole_or_shares():
 def test_a_series_is_told_by_the_torque_that_it_reaches():
     """Its terms are no torques: 2 u - 1.5 P_2(u) goes from -3.5 to 1.19 in -1 to 1."""
     spring = cause('position_torque', (0,), coefficients=(0.0, 2.0, -1.5), range=(0.0, 1.57))
-    assert phrase_of_cause(spring, AXIS) == '-3.5 to 1.2 N of torque that follows the position'
+    assert phrase_of_cause(spring, AXIS) == '-3.5 to 1.2 N of force that follows the position'
 
 
 def test_gravity_along_one_axis_is_known_along_both():

@@ -14,10 +14,10 @@ from par4_dynamics.model import read_model
 from par4_kinematics.adept import adept_motion
 from par4_kinematics.errors import InputError
 from par4_kinematics.workspace import home_pose
+from par4_sim.choices import STEP
 from par4_sim.closed_loop.simulation import build_plant, build_simulation
 from par4_sim.drives.laws import LAWS, command_of, controller_named
 from par4_sim.machines.machine_effects import machine_of_model
-from par4_sim.plants.plant import STEP
 from par4_sim.tracking.case import Plan, compared
 from par4_sim.tracking.learning import learn
 from par4_sim.tracking.run import feedforward_of, record_run

@@ -12,6 +12,7 @@ from measured import holding_torque
 from par4_dynamics.model import read_model
 from par4_kinematics.errors import UnreachableError
 from par4_kinematics.workspace import home_pose
+from par4_sim.choices import STEP
 from par4_sim.closed_loop.driven import can_be_driven
 from par4_sim.closed_loop.force_plate import ForcePlate
 from par4_sim.closed_loop.simulation import Simulation, Told
@@ -20,7 +21,6 @@ from par4_sim.drives.reference_curve import ReferenceLimits
 from par4_sim.machines.noise import Noise
 from par4_sim.plants.elastic import ElasticPlant, split_machine
 from par4_sim.plants.exact import ExactPlant
-from par4_sim.plants.plant import STEP
 from robots import REFERENCE
 
 TABLE_1 = read_model('table1', REFERENCE)

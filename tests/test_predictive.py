@@ -10,6 +10,7 @@ from scipy.optimize import nnls
 from par4_dynamics.model import read_model
 from par4_kinematics.adept import adept_motion
 from par4_kinematics.motion import waypoints_motion
+from par4_sim.choices import STEP
 from par4_sim.closed_loop.simulation import build_plant, build_simulation
 from par4_sim.drives import predictive
 from par4_sim.drives.computed_torque import ComputedTorque
@@ -18,7 +19,6 @@ from par4_sim.drives.laws import command_of
 from par4_sim.drives.prediction import responses
 from par4_sim.drives.predictive import HORIZON
 from par4_sim.machines.machine_effects import machine_of_model
-from par4_sim.plants.plant import STEP
 from par4_sim.tracking.case import Plan
 from par4_sim.tracking.metrics import tracking_of
 from par4_sim.tracking.run import feedforward_of, record_run
