@@ -954,8 +954,9 @@ def test_sizes_that_differ_or_are_parts_of_a_whole_or_shares():
         values.items(), (0.1, 0.2, 0.4))}
     pull.parameters = told
     assert phrase_of_cause(pull, REFERENCE) == 'external force (x 1.0 N, y -2.0 N)'
-    gain = SimpleNamespace(name='drive_gain_error', phrase='drive gain error', parameters=(
-        EffectParameter('relative', '1', 'joint'),))
+    gain = SimpleNamespace(
+        name='drive_gain_error', phrase='drive gain error', by_sign=None,
+        parameters=(EffectParameter('relative', '1', 'joint'),))
     assert phrase_of_cause(SimpleNamespace(effect=gain, joints=(2,), parameters={
         'relative': Parameter(value=(0.03,), unit='1')}, twins=()), REFERENCE) == (
             '3.0 % of drive gain error on joint 2')
