@@ -25,8 +25,8 @@ CONTRAST = 12.0
 """Least ratio of the slip's rms near changes of sides to that of leaning loads. Noise gives 1, lags
 and friction that the model lacks up to 10, gaps of some mrad 14 and more."""
 CONTRAST_BESIDE = 4.0
-"""The same of another joint, where one rattles by `CONTRAST`: of a sound joint it is up to 1.8, of
-a gap of a milliradian 5 and more."""
+"""The same of another joint, where one rattles by `CONTRAST`, and of both with the base values of
+all rows: of a sound joint it is up to 1.8, of a gap of a milliradian 5 and more."""
 LEANING_GROWTH = 1.8
 """Largest ratio of the slip's rms under large loads to that under small ones, of loads that lean:
 noise gives 1, what bounces have made of the base values up to 1.6, a stiffness that differs from
@@ -81,9 +81,12 @@ class _Slip:
 
         Away from them nothing may be left but noise, which does not know the load.
         """
+        return self.is_louder(contrast) and self._growth <= LEANING_GROWTH
+
+    def is_louder(self, contrast: float) -> bool:
+        """Return whether its rms near changes of sides is so many times that of leaning loads."""
         return min(len(self.loud), len(self.quiet)) >= LEAST_ROWS and bool(
-            np.std(self.loud) > contrast * np.std(self.quiet)
-            and self._growth <= LEANING_GROWTH)
+            np.std(self.loud) > contrast * np.std(self.quiet))
 
     @property
     def _growth(self) -> float:
@@ -125,9 +128,13 @@ def rattle(parts: Sequence[tuple[Observations, Sequence[np.ndarray]]]) -> Rattle
         return None
     slips = [_slips(observations, left)
              for (observations, _), left in zip(parts, _where_loads_lean(parts))]
-    if not _rattling(slips, CONTRAST):
+    # base values of leaning rows may leave much of all others, though all rows fit
+    loud = [all(slip.is_louder(CONTRAST_BESIDE) for slip in same)
+            for same in zip(*(_slips(observations, left) for (observations, _), left in zip(
+                parts, _beside_base(parts, [run.valid for run in parts[0][0].runs]))))]
+    if not any(loud[joint] for joint in _rattling(slips, CONTRAST)):
         return None
-    joints = _rattling(slips, CONTRAST_BESIDE)
+    joints = tuple(joint for joint in _rattling(slips, CONTRAST_BESIDE) if loud[joint])
     p_values = [scipy.stats.combine_pvalues([slip[joint].p_value for slip in slips]).pvalue
                 for joint in joints]
     return Rattle(joints, np.array([np.mean([slip[joint].gap for slip in slips])
@@ -177,8 +184,13 @@ def _where_loads_lean(parts: Sequence[tuple[Observations, Sequence[np.ndarray]]]
     They are those of the rows of the first part in which a load leans: the bounces of all others
     can be some fifty times the noise.
     """
+    return _beside_base(parts, [_sides(run)[1] for run in parts[0][0].runs])
+
+
+def _beside_base(parts: Sequence[tuple[Observations, Sequence[np.ndarray]]],
+                 rows: Sequence[np.ndarray]) -> list[list[np.ndarray]]:
+    """Return what is left of each part beside the base values of some rows (m, J) of the first."""
     observations, left = parts[0]
-    rows = [_sides(run)[1] for run in observations.runs]
     columns = np.concatenate([base[own] for base, own in zip(observations.base, rows)])
     change = np.linalg.lstsq(
         columns, np.concatenate([rest[own] for rest, own in zip(left, rows)]), rcond=1e-10)[0]
