@@ -7,10 +7,14 @@ from pathlib import Path
 import numpy as np
 from axes import axis
 
+from par4_identification.fitting.identification import identify
 from par4_identification.logs.log import Log
 from par4_identification.logs.measured import Measured
 from par4_identification.logs.read_log import read_log
 from par4_identification.logs.table_bag import write_measured
+from par4_identification.setup_check.check import check_setup
+from par4_identification.signals.conditioning import Conditioning
+from par4_identification.signals.scales import conditioning_for
 from par4_kinematics.robot import Axis
 
 INERTIA, COULOMB, VISCOUS = 1.0, 1.5, 2.0
@@ -49,3 +53,12 @@ def log_of(t: np.ndarray, q: np.ndarray, tau: np.ndarray) -> Log:
     """Return a log of times, positions and torques (n,) that no bag gave."""
     return Log('log', ('motor',), 1, float(t[1] - t[0]), t, q[:, None], tau[:, None],
                (slice(0, len(t)),), None, None)
+
+
+def identified(log: Log) -> np.ndarray:
+    """Return inertia, Coulomb and viscous friction of a log in which no mistake is found, (3,)."""
+    check = check_setup([log], axis())
+    assert not check.findings
+    logs = list(check.logs)
+    return identify(logs, axis(), conditioning=conditioning_for(
+        logs, axis(), Conditioning())).estimate.values

@@ -5,30 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from axes import axis
-from foreign import COULOMB, INERTIA, VISCOUS, read, swings, torque_of
+from foreign import COULOMB, INERTIA, VISCOUS, identified, read, swings, torque_of
 
-from par4_identification.fitting.identification import identify
 from par4_identification.logs.clips import clipped
 from par4_identification.logs.column_choice import chosen_columns
 from par4_identification.logs.masks import stretches
 from par4_identification.logs.measured import Measured
 from par4_identification.logs.read_log import read_log
 from par4_identification.logs.table_bag import measured_of_files, write_measured
-from par4_identification.setup_check.check import check_setup
-from par4_identification.signals.conditioning import Conditioning
-from par4_identification.signals.scales import conditioning_for
 
 T, Q, QD, QDD = swings(40.0)
 TAU = torque_of(QD, QDD)
 COUNT = 2.0 * np.pi / 2 ** 14
-
-
-def values_of(log):
-    check = check_setup([log], axis())
-    assert not check.findings
-    logs = list(check.logs)
-    return identify(logs, axis(), conditioning=conditioning_for(
-        logs, axis(), Conditioning())).estimate.values
 
 
 def moves(amax, vmax, way, dwell, jerk=0.0, rate=1000.0, times=12):
@@ -61,7 +49,7 @@ def test_a_clipped_speed_is_no_way(tmp_path, share, held):
     log = read_log(tmp_path / 'bag', axis())
     assert len(log.segments) > 1
     # the end of a clipped stretch is cut off a third digit of friction, no more
-    np.testing.assert_allclose(values_of(log), (INERTIA, COULOMB, VISCOUS), rtol=0.01)
+    np.testing.assert_allclose(identified(log), (INERTIA, COULOMB, VISCOUS), rtol=0.01)
 
 
 @pytest.mark.parametrize('jitter', [0.0, 1e-4])
@@ -77,7 +65,7 @@ def test_clipped_positions_are_left_out(tmp_path, jitter):
     assert any(f'stands at exactly -{top:.4g} and {top:.4g} rad' in line
                for line in log.bag_accounts.of_clocks())
     assert np.abs(log.q).max() < top + 1e-6
-    np.testing.assert_allclose(values_of(log), (INERTIA, COULOMB, VISCOUS), rtol=0.02)
+    np.testing.assert_allclose(identified(log), (INERTIA, COULOMB, VISCOUS), rtol=0.02)
 
 
 def test_par4_bag_says_what_is_clipped_of_a_log_with_positions():

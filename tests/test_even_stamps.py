@@ -7,24 +7,11 @@ import re
 
 import numpy as np
 import pytest
-from axes import axis
-from foreign import COULOMB, INERTIA, VISCOUS, read, swings, torque_of
+from foreign import COULOMB, INERTIA, VISCOUS, identified, read, swings, torque_of
 
-from par4_identification.fitting.identification import identify
 from par4_identification.logs.column_choice import chosen_columns
 from par4_identification.logs.table_bag import measured_of_files
-from par4_identification.setup_check.check import check_setup
-from par4_identification.signals.conditioning import Conditioning
-from par4_identification.signals.scales import conditioning_for
 from par4_kinematics.errors import InputError
-
-
-def values_of(log):
-    check = check_setup([log], axis())
-    assert not check.findings
-    logs = list(check.logs)
-    return identify(logs, axis(), conditioning=conditioning_for(
-        logs, axis(), Conditioning())).estimate.values
 
 
 def coarse(t, step=2.0 ** -10):
@@ -56,7 +43,7 @@ def test_times_in_steps_of_a_period_lose_no_sample(tmp_path, missing):
     assert log.accounts.jitter == pytest.approx(2.0 ** -10 / np.sqrt(12.0), rel=0.1)
     assert log.accounts.position.lost == log.accounts.torque.lost == missing
     assert log.accounts.filled == missing
-    np.testing.assert_allclose(values_of(log), (INERTIA, COULOMB, VISCOUS), rtol=0.01)
+    np.testing.assert_allclose(identified(log), (INERTIA, COULOMB, VISCOUS), rtol=0.01)
 
 
 @pytest.mark.parametrize('missing', [0, 12])
@@ -69,7 +56,7 @@ def test_stamps_that_are_late_by_a_fifth_of_their_spacing_are_put_back(tmp_path,
     assert log.accounts.jitter == pytest.approx(2e-3 * np.sqrt(1.0 - 2.0 / np.pi), rel=0.1)
     assert log.period == pytest.approx(1e-2, rel=1e-4)
     assert log.accounts.position.lost == missing + log.accounts.position.crowded
-    np.testing.assert_allclose(values_of(log), (INERTIA, COULOMB, VISCOUS), rtol=0.01)
+    np.testing.assert_allclose(identified(log), (INERTIA, COULOMB, VISCOUS), rtol=0.01)
 
 
 @pytest.mark.parametrize('share', [0.001, 0.02, 0.2])
