@@ -47,6 +47,7 @@ class Log:
             bag.
         doubtful: whether the torque of a joint must not be compared with a model at a sample,
             because position or torque there are filled in or wrong, (n, J); None if no sample is.
+        integrated: whether the positions are the integral of measured speeds.
     """
 
     name: str
@@ -60,6 +61,7 @@ class Log:
     reference: Reference | None
     accounts: Accounts | None
     doubtful: np.ndarray | None = None
+    integrated: bool = False
 
     @property
     def bag_accounts(self) -> Accounts:

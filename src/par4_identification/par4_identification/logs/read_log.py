@@ -15,6 +15,7 @@ at once, cut the log into segments, which are never joined.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -28,11 +29,13 @@ from par4_identification.logs.clock import Clock
 from par4_identification.logs.counters import going_on, restarts_of
 from par4_identification.logs.even_stamps import evened
 from par4_identification.logs.grid import Grid, grid_of
+from par4_identification.logs.integrated import are_integrals
 from par4_identification.logs.interpolated_rows import without_interpolated
 from par4_identification.logs.jumps import without_turns
 from par4_identification.logs.log import Log
 from par4_identification.logs.masks import count, stretches
 from par4_identification.logs.measured_torque import measured_torque
+from par4_identification.logs.raw_bag import JointSamples
 from par4_identification.logs.reference import reference_of
 from par4_identification.logs.refresh import at_refreshes, fresh
 from par4_identification.logs.series import (
@@ -43,7 +46,7 @@ from par4_identification.logs.series import (
     series_of,
 )
 from par4_identification.logs.sources import beside_mixed, source_of
-from par4_identification.logs.stamped_rows import reordered, stamped_rows
+from par4_identification.logs.stamped_rows import StampedRows, reordered, stamped_rows
 from par4_identification.logs.stamps import EVEN, GAP
 from par4_kinematics.errors import InputError
 from par4_kinematics.interface import JOINT_STATES
@@ -123,7 +126,15 @@ def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = No
         held={name: held for name, held in (('position', position_held), ('torque', torque_held))
               if held})
     return Log(str(path), joints, clock.origin, accounts.period, 1e-9 * time, q, tau,
-               tuple(slice(start, end) for start, end in pairwise(ends)), reference, accounts)
+               tuple(slice(start, end) for start, end in pairwise(ends)), reference, accounts,
+               integrated=isinstance(machine, Axis) and _integrated(path, states, rows, joints))
+
+
+def _integrated(path: str | Path, states: JointSamples, rows: StampedRows, joints: Sequence[str]
+                ) -> bool:
+    """Return whether the positions of rows are the integral of the speeds of the same messages."""
+    speeds = stamped_rows(path, states, states.velocity, joints, 'velocity')
+    return speeds is not None and are_integrals(rows.stamp, rows.values, speeds.values)
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,8 @@
-"""White noise of positions, as counts, stamps that tremble and analogue encoders make it.
+"""Noise of positions: white, as counts, stamps that tremble and analogue encoders make it.
 
 A motion has next to nothing in the upper half of the frequencies that samples carry. Whatever the
-positions hold there is noise, and white noise has the same level below.
+positions hold there is noise, and white noise has the same level below. Where positions are the
+integral of measured speeds, the speeds have the white noise.
 """
 
 from __future__ import annotations
@@ -16,13 +17,27 @@ from par4_identification.signals.filtering import second_difference
 
 UPPER = 0.5
 """Share of half the sample rate above which a position is taken to hold noise only."""
+LEAST_GAIN = 0.01
+"""Of the largest, from which a frequency tells noise: an integral has none at half the rate."""
 
 
-def second_difference_gain(frequency: np.ndarray, period: float) -> np.ndarray:
-    """Return the factor (k,), 1/s^4, by which `second_difference` multiplies the power there."""
+def noise_gain(frequency: np.ndarray, period: float, integrated: bool = False) -> np.ndarray:
+    """Return the factor (k,) by which `second_difference` multiplies the power of white noise.
+
+    Args:
+        frequency: (k,) Hz.
+        period: of the samples, s.
+        integrated: whether it is noise of speeds (1/s^2), integrated by the trapezoidal rule, or
+            that of positions (1/s^4).
+    """
     angle = 2.0 * np.pi * frequency * period
-    return ((30.0 - 32.0 * np.cos(angle) + 2.0 * np.cos(2.0 * angle))
+    gain = ((30.0 - 32.0 * np.cos(angle) + 2.0 * np.cos(2.0 * angle))
             / (12.0 * period ** 2)) ** 2
+    if integrated:
+        # 30 - 32 cos x + 2 cos 2x = (1 - cos x) (28 - 4 cos x), so that zero stays zero
+        gain = ((1.0 + np.cos(angle)) * (1.0 - np.cos(angle))) * ((28.0 - 4.0 * np.cos(angle))
+                                                                  / (24.0 * period)) ** 2
+    return gain
 
 
 @dataclass(frozen=True)
@@ -77,23 +92,28 @@ def mean_spectrum(signals: Sequence[np.ndarray], period: float, window: np.ndarr
                     total / (max(windows, 1) * float(np.sum(window ** 2))), windows)
 
 
-def noise_variance(differences: Spectrum, period: float) -> np.ndarray:
-    """Return the variance (J,) of the white noise of positions.
+def noise_variance(differences: Spectrum, period: float, integrated: bool = False) -> np.ndarray:
+    """Return the variance (J,) of the white noise of positions, or of the speeds they are made of.
 
     Args:
         differences: spectrum of the second difference of the positions.
         period: of the samples, s.
+        integrated: whether it is that of speeds.
     """
-    upper = differences.frequency > UPPER * differences.frequency[-1]
-    return differences.level(upper, second_difference_gain(differences.frequency[upper], period))
+    gain = noise_gain(differences.frequency, period, integrated)
+    upper = ((differences.frequency > UPPER * differences.frequency[-1])
+             & (gain > LEAST_GAIN * gain.max()))
+    return differences.level(upper, gain[upper])
 
 
-def position_noise(positions: Sequence[np.ndarray], period: float) -> np.ndarray:
+def position_noise(positions: Sequence[np.ndarray], period: float, integrated: bool = False
+                   ) -> np.ndarray:
     """Return the standard deviation (J,) of the white noise of positions (n, J), rad.
 
     Args:
         positions: of each uninterrupted stretch.
         period: of the samples, s.
+        integrated: whether they are the integral of speeds; the noise is that of these then, rad/s.
     """
     return np.sqrt(noise_variance(mean_spectrum(
-        [second_difference(q, period) for q in positions], period), period))
+        [second_difference(q, period) for q in positions], period), period, integrated))

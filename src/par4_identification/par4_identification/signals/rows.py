@@ -74,7 +74,9 @@ class Run:
         coarse: whether speeds, too, are those of the filtered positions.
         counts: of the encoders a turn, 0 where they are not known.
         position_noise: standard deviation of the white noise of the positions where counts are not
-            known, (J,), rad; zero of plateaus.
+            known, (J,), rad, or of the speeds that they are the integral of, rad/s; zero of
+            plateaus.
+        integrated: whether it is that of speeds.
         timing_error: standard deviation of the rows that instants of reading up to `READ_WITHIN`
             beside their stamps would cause, and of a Par4 ticks between samples, (m, J), N m; zero
             of plateaus.
@@ -102,6 +104,7 @@ class Run:
     coarse: bool = False
     counts: int = 0
     position_noise: np.ndarray = field(default_factory=lambda: np.zeros(1))
+    integrated: bool = False
     timing_error: np.ndarray = field(default_factory=lambda: np.zeros((1, 1)))
     turning_error: np.ndarray = field(default_factory=lambda: np.zeros((1, 1)))
     torque_step: np.ndarray = field(default_factory=lambda: np.zeros(1))
@@ -251,7 +254,7 @@ def _runs(log: Log, machine: Robot | Axis, conditioning: Conditioning) -> list[R
     # white noise of samples between which others are put has its power in fewer frequencies
     noise = np.zeros(log.q.shape[1]) if isinstance(machine, Robot) else np.sqrt(
         log.period / fine.period) * position_noise([log.q[part] for part in log.segments],
-                                                   log.period)
+                                                   log.period, log.integrated)
     counts = machine.drives.encoder_counts if isinstance(machine, Robot) else 0
     smoother = smoother_of([fine.q[part] for part in fine.segments], counts, fine.period)
     runs = [_run(fine, segment, machine, conditioning, smoother, counts,
@@ -366,7 +369,7 @@ def _run(log: Log, segment: slice, machine: Robot | Axis, conditioning: Conditio
         noise_floor=noise_floor, conditioning=conditioning,
         _first=first, _every=every, period=sampled, smoother=smoother,
         likely=low_pass(smoother.likely(log.q[segment]), conditioning.position_cutoff_hz, period),
-        coarse=coarse, counts=counts, position_noise=noise,
+        coarse=coarse, counts=counts, position_noise=noise, integrated=log.integrated,
         torque_step=_torque_step(log.tau[segment]),
         timing_error=timing_error(log.tau[segment], conditioning, period, round(
             sampled / period), TICK if geometry is not None else np.inf)[window],

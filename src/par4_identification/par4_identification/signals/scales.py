@@ -21,8 +21,8 @@ from par4_identification.signals.filtering import (
 from par4_identification.signals.plateaus import follow_the_position, hold_speeds
 from par4_identification.signals.position_noise import (
     mean_spectrum,
+    noise_gain,
     noise_variance,
-    second_difference_gain,
 )
 from par4_identification.signals.rows import SLOWEST_HZ, are_coarse, runs_of_log
 from par4_identification.signals.smoothing import smoother_of
@@ -236,8 +236,9 @@ def _reach(log: Log) -> float:
 def resolved_hz(logs: Sequence[Log]) -> float:
     """Return the frequency (Hz) up to which the positions of logs tell the acceleration.
 
-    Counts and noise of a position are white. In the second difference their power grows with the
-    fourth power of the frequency, while a motion has most of its acceleration at low ones.
+    Counts and noise of a position are white, or those of the speed that it is the integral of. In
+    the second difference their power grows with the fourth or second power of the frequency, while
+    a motion has most of its acceleration at low ones.
     """
     length = min(max(round(1.0 / log.period), 16) for log in logs) // 2
     told, noisy = np.zeros(length), np.zeros(length)
@@ -246,8 +247,8 @@ def resolved_hz(logs: Sequence[Log]) -> float:
         spectrum = mean_spectrum([second_difference(log.q[segment], log.period)
                                   for segment in log.segments], log.period)
         frequency = spectrum.frequency
-        noise = (second_difference_gain(frequency, log.period)
-                 * float(noise_variance(spectrum, log.period).sum()))
+        noise = (noise_gain(frequency, log.period, log.integrated)
+                 * float(noise_variance(spectrum, log.period, log.integrated).sum()))
         told += np.maximum(spectrum.power.sum(axis=1) - 2.0 * noise, 0.0)[:length]
         noisy += noise[:length]
         highest = min(highest, float(frequency[-1]))

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 
 from par4_dynamics.model import Model
 from par4_dynamics.state import State
@@ -71,12 +72,19 @@ def dithered_state(run: Run, state: State, random: np.random.Generator) -> State
     period = float(state.t[1] - state.t[0])
     true = run.likely[:len(state.q)]
     told = true + (random.uniform(-0.5, 0.5, true.shape) * (2.0 * np.pi / run.counts) if run.counts
-                   else random.standard_normal(true.shape) * run.position_noise)
+                   else _noise(run, random.standard_normal(true.shape), period))
     missed = run.smoother(told) - true
     dither, missed = (low_pass(part, run.conditioning.position_cutoff_hz, period)
                       for part in (missed if run.coarse else told - true, missed))
     return state.moved(state.q + dither, state.qd + central_difference(dither, period),
                        state.qdd + second_difference(missed, period))
+
+
+def _noise(run: Run, white: np.ndarray, period: float) -> np.ndarray:
+    """Return noise (n, J) of positions, rad, made of white noise of variance 1."""
+    noise = white * run.position_noise
+    return scipy.integrate.cumulative_trapezoid(noise, dx=period, axis=0, initial=0.0
+                                                ) if run.integrated else noise
 
 
 def delivered(state: State) -> np.ndarray:
