@@ -65,6 +65,7 @@ from par4_identification.diagnosis.search.causes import (
     unnamed_of,
 )
 from par4_identification.diagnosis.search.counts import counted_squares
+from par4_identification.diagnosis.search.requirement import torque_errors
 from par4_identification.diagnosis.search.rules import Rules, rules_for
 from par4_identification.diagnosis.search.search import Search
 from par4_identification.diagnosis.search.simplicity import best_first
@@ -348,7 +349,8 @@ def _answer(search: Search, model: Hypotheses, machine: Robot | Axis, baseline: 
     progress('checking what remains')
     before, after, left = (residuals(heldout, part, fit) for part, fit in (
         ((), base_only), (named, told), (model, whole)))
-    extended = as_told(extended_model(baseline, rigid_body, evidence, named, told),
+    errors = torque_errors(evidence, whole, rules)
+    extended = as_told(extended_model(baseline, rigid_body, evidence, named, told, errors),
                        [cause.parameters for cause in causes])
     floor = noise_floor(heldout.runs, torque_model(machine, extended, effects))
     hypotheses = named
@@ -387,8 +389,8 @@ def _answer(search: Search, model: Hypotheses, machine: Robot | Axis, baseline: 
         # noise that is louder than what is left is none of these rows
         holdout=_holdout(heldout.runs, blocks, before, after, np.minimum(
             floor, np.sqrt(blocks.mean_square(left)))), remaining=remaining,
-        base_before=base_parameters(evidence, base_only),
-        base_after=base_parameters(evidence, told), extended_model=extended,
+        base_before=base_parameters(evidence, base_only, torque_errors(evidence, base_only, rules)),
+        base_after=base_parameters(evidence, told, errors), extended_model=extended,
         fit_runs=fit_runs, evidence=evidence, hypotheses=hypotheses,
         unnamed_hypotheses=tuple(item for _, item in unnamed),
         fitted_rms=rms_of(evidence.observations, residuals(evidence.observations, named, told)),

@@ -12,6 +12,7 @@ from par4_dynamics.parameters import Number, Parameter, PerJoint
 from par4_identification.diagnosis.evidence.evidence import Evidence
 from par4_identification.diagnosis.evidence.fit import Fit
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.kind import Kind
 
 LASTING = 4.0
 """Time for which a torque is wrong in the same way, s."""
@@ -176,30 +177,61 @@ def turned(shape: Shape, knob: Knob, step: float) -> Shape:
                                  for number, own in enumerate(value))}
 
 
+def deviations_of_base(evidence: Evidence, fit: Fit, errors: Sequence[np.ndarray]) -> np.ndarray:
+    """Return the standard deviations (p,) of the base parameters of a fit.
+
+    Shapes of the causes, and what the model may get wrong, are in doubt as they are for the values
+    of the causes.
+
+    Args:
+        evidence: rows that were fitted.
+        fit: of all causes.
+        errors: torques by which the model may be wrong, see `torque_errors`.
+    """
+    slopes = [shape_slopes(evidence, item, coefficients, knobs)
+              for item, coefficients in zip(fit.hypotheses, fit.coefficients)
+              if not isinstance(item.effect, Kind) and (knobs := shape_knobs(item))]
+    found = _with_slopes(evidence, fit, slopes, errors, slice(0, len(fit.base)))
+    return np.sqrt(np.maximum(np.diag(found)[:len(fit.base)], 0.0))
+
+
 def _covariance(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int,
                 knobs: Sequence[Knob], errors: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the covariance (c, c) of a hypothesis's coefficients and, behind them, its shape.
+    """Return the covariance (c, c) of a hypothesis's coefficients and, behind them, its shape."""
+    slopes = [shape_slopes(evidence, hypothesis, fit.coefficients[index], knobs)] if knobs else []
+    return _with_slopes(evidence, fit, slopes, errors, fit.slices[index])
+
+
+def _with_slopes(evidence: Evidence, fit: Fit, slopes: Sequence[np.ndarray],
+                 errors: Sequence[np.ndarray], told: slice) -> np.ndarray:
+    """Return the covariance (c, c) of some values of a fit and, behind them, of shapes.
 
     In first order an error of the shape changes the torque by its slope, which is a column like
     any other. To the covariance C of least squares comes that of the torques that the model gets
     wrong: C (sum over blocks u u^T) C, u = X^T e of a block of rows, since such an error lasts
     for a stretch of the motion and rows that follow each other share it. Last comes what a
     correction of the fitted values may get wrong.
+
+    Args:
+        evidence: rows that were fitted.
+        fit: of all causes.
+        slopes: of the torques by the numbers of shapes, (N, k) each.
+        errors: torques by which the model may be wrong.
+        told: the values, in the order of the design.
     """
-    covariance, count, coefficients = fit.covariance, len(fit.covariance), fit.slices[index]
-    design = evidence.design(fit.hypotheses) if knobs or len(errors) else np.empty((0, count))
-    if knobs:
-        slopes = shape_slopes(evidence, hypothesis, fit.coefficients[index], knobs)
-        covariance = _with_columns(covariance, design, slopes)
-        design = np.hstack((design, slopes))
-    own = [*range(coefficients.start, coefficients.stop), *range(count, len(covariance))]
+    covariance, count = fit.covariance, len(fit.covariance)
+    design = evidence.design(fit.hypotheses) if slopes or len(errors) else np.empty((0, count))
+    if slopes:
+        covariance = _with_columns(covariance, design, np.hstack(slopes))
+        design = np.hstack((design, *slopes))
+    own = [*range(told.start, told.stop), *range(count, len(covariance))]
     found = covariance[np.ix_(own, own)]
     starts = _stretches(evidence)
     for error in errors:
         sums = np.add.reduceat(design * error[:, None], starts, axis=0) @ covariance[:, own]
         found += sums.T @ sums
-    size = coefficients.stop - coefficients.start
-    found[:size, :size] += fit.doubt[coefficients, coefficients]
+    size = told.stop - told.start
+    found[:size, :size] += fit.doubt[told, told]
     return found
 
 

@@ -9,27 +9,38 @@ import numpy as np
 from par4_dynamics.base_terms import BASE_TERMS, BaseTerm
 from par4_dynamics.model_file import EffectEntry, ModelFile
 from par4_dynamics.parameters import Parameter
-from par4_identification.diagnosis.evidence.estimates import effect_parameters
+from par4_identification.diagnosis.evidence.estimates import (
+    deviations_of_base,
+    effect_parameters,
+)
 from par4_identification.diagnosis.evidence.evidence import Evidence
 from par4_identification.diagnosis.evidence.fit import Fit
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 
 
-def base_parameters(evidence: Evidence, fit: Fit) -> dict[str, Parameter]:
-    """Return the base parameters of a fit with their standard deviations."""
-    std = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
+def base_parameters(evidence: Evidence, fit: Fit, errors: Sequence[np.ndarray] = ()
+                    ) -> dict[str, Parameter]:
+    """Return the base parameters of a fit with their standard deviations.
+
+    `errors` are torques by which the model may be wrong, see `torque_errors`.
+    """
+    std = deviations_of_base(evidence, fit, errors)
     return {term.name: Parameter(value=float(value), std=float(error), unit=term.unit)
             for term, value, error in zip(evidence.observations.terms, fit.base, std)}
 
 
 def extended_model(baseline: ModelFile | None, rigid_body: str, evidence: Evidence,
-                    hypotheses: Sequence[Hypothesis], fit: Fit) -> ModelFile:
-    """Return the baseline with refitted base parameters and the causes added."""
+                    hypotheses: Sequence[Hypothesis], fit: Fit,
+                    errors: Sequence[np.ndarray] = ()) -> ModelFile:
+    """Return the baseline with refitted base parameters and the causes added.
+
+    `errors` are torques by which the model may be wrong, as in `base_parameters`.
+    """
     added = tuple(
         EffectEntry(effect=hypothesis.effect.name, joints=hypothesis.joints,
                     parameters=effect_parameters(evidence, hypothesis, fit, index))
         for index, hypothesis in enumerate(hypotheses))
-    return baseline_with(baseline, rigid_body, base_parameters(evidence, fit),
+    return baseline_with(baseline, rigid_body, base_parameters(evidence, fit, errors),
                           evidence.observations.terms, added)
 
 
