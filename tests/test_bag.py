@@ -26,6 +26,7 @@ from par4_identification.logs.bag_repair import repair_bag
 from par4_identification.logs.sqlite_pages import rows_of_leaves
 from par4_identification.logs.topic_columns import JOINT_ARRAYS, AlikeMessages, TopicColumns
 from par4_kinematics.errors import InputError
+from par4_kinematics.interface import ROBOT_DESCRIPTION
 from par4_sim.bags import bag_writer
 from par4_sim.bags.bag_writer import BagWriter
 from par4_sim.choices import STORAGES
@@ -129,6 +130,25 @@ def test_another_reader_understands_the_bag(tmp_path, storage):
     assert 'version: 9' in (tmp_path / 'bag' / 'metadata.yaml').read_text()
 
 
+@pytest.mark.parametrize('storage', STORAGES)
+def test_a_latched_message_is_announced_as_such_and_after_a_repair_too(tmp_path, storage):
+    """So that playing the bag latches it again, for viewers that come later."""
+    with BagWriter(tmp_path / 'bag', storage) as writer:
+        fill(writer, 0, 5)
+        for topic in ('/robot_a/robot_description', '/remarks'):
+            writer.write_raw(topic, ROBOT_DESCRIPTION.type, START, STORE.serialize_cdr(
+                STORE.types[ROBOT_DESCRIPTION.type]('<robot/>'), ROBOT_DESCRIPTION.type))
+    repair_bag(tmp_path / 'bag', tmp_path / 'mended')
+    for name in ('bag', 'mended'):
+        with AnyReader([tmp_path / name]) as reader:
+            profiles = {connection.topic: connection.ext.offered_qos_profiles[0]
+                        for connection in reader.connections}
+        assert {topic: (profile.depth, profile.durability.name)
+                for topic, profile in profiles.items()} == {
+            '/joint_states': (1000, 'VOLATILE'), '/remarks': (1000, 'VOLATILE'),
+            '/robot_a/robot_description': (1, 'TRANSIENT_LOCAL')}
+
+
 def some_messages(generator: np.random.Generator) -> list[tuple[str, bytes]]:
     """Return type and content of messages of twelve layouts a type, whole and not, in any order."""
     types, made = STORE.types, []
@@ -217,7 +237,7 @@ def test_messages_keep_the_order_of_the_library(tmp_path, mode, ahead, monkeypat
         # two publishers of one topic, and times that repeat within and across the chunks of 1 MiB
         connections = [writer.add_connection('/joint_states', JOINT_STATE, typestore=STORE,
                                              offered_qos_profiles=profiles)
-                       for profiles in ((), (bag_writer._QOS,))]
+                       for profiles in ((), (bag_writer._qos_of('/joint_states', JOINT_STATE),))]
         for index in range(15000):
             received = START + index // 7 + int(generator.integers(ahead + 1))
             writer.write(connections[generator.integers(2)], received,
@@ -705,6 +725,7 @@ def test_repair_refuses_in_one_line_and_leaves_no_output(tmp_path):
 FULL_DISK = """
 import resource, sys
 from par4_kinematics.errors import InputError
+from par4_kinematics.interface import ROBOT_DESCRIPTION
 from par4_sim.bags.bag_writer import BagWriter
 sys.path.insert(0, sys.argv[3])
 from test_bag import fill

@@ -303,8 +303,8 @@ def test_a_bag_of_more_than_one_run_is_told_once(tmp_path):
     node = SimpleNamespace(
         parameters=SimpleNamespace(output=str(tmp_path / 'bag'), storage='mcap'), _bag=None,
         _begun_bags=0, _path=tmp_path / 'bag', _received=Counter(), _numbering={}, _newest={},
-        get_clock=lambda: SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=SECOND)),
-        get_logger=lambda: log)
+        _latched={}, get_logger=lambda: log,
+        get_clock=lambda: SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=SECOND)))
     log = mock.Mock()
     for bags in (1, 2):
         RecordNode._start(node)

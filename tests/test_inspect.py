@@ -9,6 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_typestore
 from test_commands import run
 
 from par4_dynamics.model import read_model
@@ -21,9 +23,16 @@ from par4_identification.logs.log import Log
 from par4_identification.logs.read_log import read_log
 from par4_identification.setup_check.check import check_setup
 from par4_kinematics.errors import InputError
+from par4_kinematics.interface import (
+    DIAGNOSTICS,
+    PLATFORM_POSE,
+    ROBOT_DESCRIPTION,
+    SHOWN_TOPICS,
+)
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.robot import Axis
 from par4_sim.bags.bag_writer import BagWriter
+from par4_sim.cell.layouts import absolute
 from par4_sim.closed_loop.offline import simulate_to_bag
 from par4_sim.closed_loop.simulation import build_simulation
 from robots import REFERENCE
@@ -137,6 +146,35 @@ def test_a_bag_without_a_robot_is_shown_and_of_no_use(bags):
     assert [topic['name'] for topic in found['topics']] == ['/gripper']
     assert set(uses.values()) == {'no'}
     assert found['fitness'][0]['reason'].startswith('no joint_states')
+
+
+def test_topics_that_are_there_to_be_shown_are_listed_and_change_nothing(bags, tmp_path):
+    store = get_typestore(Stores.ROS2_JAZZY)
+    types = store.types
+    stamp = types['builtin_interfaces/msg/Time'](0, 0)
+    header = types['std_msgs/msg/Header'](stamp, 'base')
+    pose = types['geometry_msgs/msg/Pose'](
+        types['geometry_msgs/msg/Point'](0.0, 0.0, 0.0),
+        types['geometry_msgs/msg/Quaternion'](0.0, 0.0, 0.0, 1.0))
+    shown = {PLATFORM_POSE: types[PLATFORM_POSE.type](header, pose),
+             ROBOT_DESCRIPTION: types[ROBOT_DESCRIPTION.type]('<robot/>'),
+             DIAGNOSTICS: types[DIAGNOSTICS.type](header, [])}
+    assert shown.keys() == {*SHOWN_TOPICS}
+    with Reader(bags / 'whole') as reader, BagWriter(tmp_path / 'bag') as bag:
+        for connection, received, data in reader.messages():
+            bag.write_raw(connection.topic, connection.msgtype, received, data)
+            for topic, message in shown.items():
+                bag.write_raw(absolute(topic), topic.type, received,
+                              store.serialize_cdr(message, topic.type))
+    (found, uses), (bare, uses_bare) = (inspected(path) for path in (tmp_path / 'bag',
+                                                                     bags / 'whole'))
+    extra = {topic['name'] for topic in found['topics']} - {
+        topic['name'] for topic in bare['topics']}
+    assert extra == {absolute(topic) for topic in SHOWN_TOPICS}
+    assert uses == uses_bare
+    assert found | {'bag': '', 'topics': ''} == bare | {'bag': '', 'topics': ''}
+    logs = [read_log(path, REFERENCE) for path in (tmp_path / 'bag', bags / 'whole')]
+    np.testing.assert_array_equal(logs[0].q, logs[1].q)
 
 
 def test_it_is_told_in_tables_and_a_line_a_tool(bags):

@@ -60,6 +60,14 @@ def test_every_curve_is_a_field_of_a_message_of_the_contract():
     assert {*panels['3D!robot']['topics']} <= TOPICS.keys()
 
 
+def test_a_recorded_bag_has_all_that_a_layout_shows():
+    text = plotjuggler() + foxglove()
+    shown = {name for name in TOPICS if re.search(rf'"{name}[/".]', text)}
+    assert len(shown) == 5
+    assert shown <= {absolute(topic)
+                     for topic in (*interface.RECORDED_TOPICS, *interface.SHOWN_TOPICS)}
+
+
 def test_every_panel_has_its_place():
     content = json.loads(foxglove())
 

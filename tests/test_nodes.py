@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -41,7 +42,7 @@ from node_bench import (
 )
 from par4_dynamics.model import read_model
 from par4_dynamics.model_file import EffectEntry, read_model_file, write_model_file
-from par4_identification.logs.bag import read_bag
+from par4_identification.logs.bag import read_bag, recorded_topics
 from par4_identification.logs.bag_repair import repair_bag
 from par4_kinematics.adept import adept_motion
 from par4_kinematics.errors import InputError
@@ -55,6 +56,7 @@ from par4_kinematics.interface import (
     PLATFORM_POSE,
     REFERENCE,
     ROBOT_DESCRIPTION,
+    SHOWN_TOPICS,
     TRUE_POSE,
     TRUE_TORQUE,
     Topic,
@@ -835,12 +837,17 @@ def test_a_killed_recording_is_mended(bench, storage):
 
 
 def test_a_recording_of_nothing_leaves_its_path_to_the_next(bench):
+    diagnostics = bench.listen(DIAGNOSTICS)
     for number in (1, 2):
-        child = bench.start('par4_record', output='bag')
-        bench.wait((bench.folder / 'bag').is_dir, 'the bag')
+        diagnostics.clear()
+        child = bench.start('par4_record', output='bag', duration=0.5)
+        # its own diagnostics are in the bag, but are no recording of a robot and begin no duration
+        bench.wait(lambda: bench.counts(diagnostics, 'par4_record').get(DIAGNOSTICS.name, 0) > 2,
+                   'diagnostics that are recorded')
+        assert child.poll() is None
         child.send_signal(signal.SIGINT)
         assert bench.ended(child) == 0
-        assert bench.said().count('bag: no message came, so no bag is left') == number
+        assert bench.said().count('bag: no message of the robot came, so no bag is left') == number
         assert not (bench.folder / 'bag').exists()
 
 
@@ -869,6 +876,51 @@ def test_a_bag_that_is_removed_ends_its_recording(bench):
     shutil.rmtree(bench.folder / 'bag')
     assert bench.ended(recorded.child) == 2
     assert 'bag: removed while it was recorded' in bench.said()
+
+
+def test_what_is_there_to_be_shown_is_recorded_in_every_bag_and_loses_nothing(bench):
+    """The description comes once, before the recorder; all nodes number their diagnostics."""
+    pose, description, others = (message_type(topic)() for topic in SHOWN_TOPICS)
+    description.data, others.status = '<robot/>', [DiagnosticStatus(name='other')]
+    latched = bench.node.create_publisher(type(description), '/robot_a/robot_description',
+                                          qos_of(ROBOT_DESCRIPTION))
+    latched.publish(description)
+    diagnostics = bench.listen(DIAGNOSTICS)
+    reports = [bench.publisher(DIAGNOSTICS) for _ in range(2)]
+    for _ in range(50):  # which the recorder does not hear
+        reports[0].publish(others)
+    child = bench.start('par4_record', remap=('__ns:=/robot_a',), output='bag')
+
+    def recorded() -> dict[str, int]:
+        return bench.counts(diagnostics, 'robot_a/par4_record')
+
+    bench.wait(lambda: ROBOT_DESCRIPTION.name in recorded(), 'the description')
+    states, poses = (bench.publisher(replace(topic, name=f'/robot_a/{topic.name}'))
+                     for topic in (JOINT_STATES, PLATFORM_POSE))
+    for report in reports:
+        bench.wait(lambda report=report: report.get_subscription_count() == 2,
+                   'the recorder beside this bench')
+    for _ in range(40):  # another node that is heard as far as this, and then no more
+        reports[1].publish(others)
+    for bag in ('bag', 'bag_2'):
+        bench.wait(lambda: states.publish(joint_state(HOME_Q)) or poses.publish(pose) or
+                   reports[0].publish(others) or
+                   {JOINT_STATES.name, PLATFORM_POSE.name} <= recorded().keys(), 'all topics')
+        stopped = bench.call('robot_a/par4_record/stop')
+        assert f'{bag}: ' in stopped.message
+        assert stopped.message.endswith(' 0 lost')
+        topics = {topic.name: len(topic.received)
+                  for topic in recorded_topics(bench.folder / bag)}
+        assert topics.keys() == {'/robot_a/joint_states', '/robot_a/platform_pose',
+                                 '/robot_a/robot_description', '/diagnostics'}
+        assert topics['/robot_a/robot_description'] == 1
+        assert read_bag(bench.folder / bag).namespace == '/robot_a'
+        assert bench.call('robot_a/par4_record/start').success
+        diagnostics.clear()
+        bench.wait(lambda: recorded() and JOINT_STATES.name not in recorded(), 'a bag that begins')
+    child.send_signal(signal.SIGINT)
+    assert bench.ended(child) == 0
+    assert not (bench.folder / 'bag_3').exists(), 'a description alone is no recording'
 
 
 def test_a_recording_takes_the_next_path_that_is_free(bench):

@@ -67,7 +67,9 @@ TRUE_POSE = Topic('~/true_pose', 'geometry_msgs/msg/PoseStamped', 'simulation', 
 TOPICS = (JOINT_STATES, AMPLIFIER_VOLTAGE, REFERENCE, FEEDFORWARD_TORQUE, PLATFORM_POSE,
           ROBOT_DESCRIPTION, CLOCK, DIAGNOSTICS, TRUE_TORQUE, TRUE_POSE)
 RECORDED_TOPICS = (JOINT_STATES, AMPLIFIER_VOLTAGE, REFERENCE, FEEDFORWARD_TORQUE)
-"""What `par4_record` writes and `par4_simulate` leaves in its bag."""
+"""What identification reads: `par4_record` writes it, and `par4_simulate` leaves it in its bag."""
+SHOWN_TOPICS = (PLATFORM_POSE, ROBOT_DESCRIPTION, DIAGNOSTICS)
+"""What `par4_record` writes beside it, for programs that show a bag; no tool reads it."""
 
 COUNTS = {
     'saturated_commands': 'torques that the drives wanted and cut to their torque_limit, counted '

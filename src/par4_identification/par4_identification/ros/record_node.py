@@ -16,7 +16,14 @@ from rclpy.subscription import Subscription
 
 from par4_identification.ros.record_parameters import RecordParameters, asked_to_mend
 from par4_kinematics.errors import InputError, Par4Error
-from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES, RECORDED_TOPICS, Topic
+from par4_kinematics.interface import (
+    AMPLIFIER_VOLTAGE,
+    DIAGNOSTICS,
+    JOINT_STATES,
+    RECORDED_TOPICS,
+    SHOWN_TOPICS,
+    Topic,
+)
 from par4_kinematics.ros.diagnostics import State
 from par4_kinematics.ros.node import SILENCE, Par4Node
 from par4_kinematics.ros.numbering import Numbering
@@ -46,9 +53,11 @@ class RecordNode(Par4Node):
         self._received: Counter[str] = Counter()
         self._numbering: defaultdict[str, Numbering] = defaultdict(Numbering)
         self._newest: dict[str, float] = {}
+        self._latched: dict[Topic, bytes] = {}
         self._began_ns, self._told_of_runs = 0, False
         self._start()
-        self._recorded = {topic: self._record(topic) for topic in RECORDED_TOPICS}
+        self._recorded = {topic: self._record(topic)
+                          for topic in (*RECORDED_TOPICS, *SHOWN_TOPICS)}
         self.serve('~/start', self._start)
         self.serve('~/stop', self._stop)
         self.create_timer(TICK, self._stop_in_time, clock=self.wall_clock)
@@ -71,16 +80,21 @@ class RecordNode(Par4Node):
                     self._write(topic, *waiting)
 
     def _write(self, topic: Topic, data: bytes, info: dict[str, Any]) -> None:
+        if topic.transient_local:  # it comes once, and belongs into every bag that begins later
+            self._latched[topic] = data
         if self._bag is None:
             return
-        name = topic.name
-        self._numbering[name].take(info['publication_sequence_number'])
-        self._received[name] += 1
-        self._newest[name] = time.monotonic()
-        if not self._began_ns:  # simulated time is 0 until the first clock message
-            self._began_ns = self.get_clock().now().nanoseconds
-        self._bag.write_raw(self._recorded[topic].topic_name, topic.type,
-                            info['received_timestamp'], data)
+        if topic != DIAGNOSTICS:  # numbered by all nodes: holes say nothing, as in `faults`
+            self._numbering[topic.name].take(info['publication_sequence_number'])
+        if topic in RECORDED_TOPICS:
+            self._newest[topic.name] = time.monotonic()
+            if not self._began_ns:  # simulated time is 0 until the first clock message
+                self._began_ns = self.get_clock().now().nanoseconds
+        self._put(self._bag, topic, info['received_timestamp'], data)
+
+    def _put(self, bag: BagWriter, topic: Topic, received: int, data: bytes) -> None:
+        self._received[topic.name] += 1
+        bag.write_raw(self._recorded[topic].topic_name, topic.type, received, data)
 
     def _start(self) -> str:
         if self._bag is not None:
@@ -88,12 +102,15 @@ class RecordNode(Par4Node):
         if self._begun_bags > 0:
             self._path = next(path for number in itertools.count(self._begun_bags + 1) if not (
                 path := Path(f'{self.parameters.output}_{number}')).exists())
-        self._bag = BagWriter(self._path, self.parameters.storage)
-        self._begun_bags += 1
+        bag = BagWriter(self._path, self.parameters.storage)
         self._received.clear()
         self._numbering.clear()
         self._newest.clear()
         self._began_ns, self._told_of_runs = 0, False
+        for topic, data in self._latched.items():
+            self._put(bag, topic, time.time_ns(), data)
+        self._bag = bag
+        self._begun_bags += 1
         return f'recording {self._path}'
 
     def _stop(self) -> str:
@@ -108,9 +125,9 @@ class RecordNode(Par4Node):
             raise
         topics = ', '.join(f'{name} {count}' for name, count in sorted(self._received.items()))
         line = f'{self._path}: {self._received.total()} messages ({topics}), {self._lost()} lost'
-        if not topics:  # what has failed to start is started again, to the same path
+        if not self._newest:  # what has failed to start is started again, to the same path
             shutil.rmtree(self._path)
-            line = f'{self._path}: no message came, so no bag is left'
+            line = f'{self._path}: no message of the robot came, so no bag is left'
         print(line, flush=True)
         return line
 

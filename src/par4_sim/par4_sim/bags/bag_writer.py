@@ -38,7 +38,7 @@ from rosbags.typesys import (
 
 from par4_kinematics.errors import InputError
 from par4_kinematics.files import unwritable
-from par4_kinematics.interface import JOINT_STATES, REFERENCE
+from par4_kinematics.interface import JOINT_STATES, REFERENCE, TOPICS
 from par4_kinematics.stamps import SECOND
 from par4_sim.bags.message_layout import JointStateTemplate
 from par4_sim.choices import STORAGES, repair_command
@@ -49,8 +49,6 @@ if TYPE_CHECKING:
 FLUSH_PERIOD = 1.0
 """Seconds after which written messages are handed to the operating system."""
 _FOREVER = QosTime(9223372036, 854775807)
-_QOS = Qos(QosHistory.KEEP_LAST, JOINT_STATES.depth, QosReliability.RELIABLE,
-           QosDurability.VOLATILE, _FOREVER, _FOREVER, QosLiveliness.AUTOMATIC, _FOREVER, False)
 Numbers = Sequence[float] | np.ndarray
 """Values of the joints of a message, (J,) or empty."""
 
@@ -142,7 +140,7 @@ class BagWriter:
                                      'docs/interface.md')
                 self._connections[topic] = self._writer.add_connection(
                     topic, type_name, typestore=self._typestore,
-                    offered_qos_profiles=[_QOS])
+                    offered_qos_profiles=[_qos_of(topic, type_name)])
             self._writer.write(self._connections[topic], received, data)
         except (OSError, sqlite3.Error) as error:
             raise self._refused(error) from error
@@ -244,3 +242,12 @@ class BagWriter:
     def _write_message(self, topic: str, type_name: str, received: int, message: object) -> None:
         self.write_raw(topic, type_name, int(received),
                        self._typestore.serialize_cdr(message, type_name))
+
+
+def _qos_of(name: str, type_name: str) -> Qos:
+    """Return the contract's quality of service of a topic; of any other that of `joint_states`."""
+    topic = next((topic for topic in TOPICS if topic.type == type_name
+                  and name.endswith(f'/{topic.name.lstrip("/")}')), JOINT_STATES)
+    durability = QosDurability.TRANSIENT_LOCAL if topic.transient_local else QosDurability.VOLATILE
+    return Qos(QosHistory.KEEP_LAST, topic.depth, QosReliability.RELIABLE, durability, _FOREVER,
+               _FOREVER, QosLiveliness.AUTOMATIC, _FOREVER, False)
