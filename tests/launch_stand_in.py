@@ -34,6 +34,13 @@ class LaunchConfiguration(Action):
         return context.launch_configurations[self.given[0]]
 
 
+class ParameterValue(Action):
+    """The value of a parameter, and its type."""
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, ParameterValue) and vars(self) == vars(other)
+
+
 MODULES = {
     'launch': ('LaunchContext', 'LaunchDescription'),
     'launch.actions': ('DeclareLaunchArgument', 'EmitEvent', 'ExecuteProcess', 'LogInfo',
@@ -43,7 +50,7 @@ MODULES = {
     'launch.substitutions': (),
     'launch_ros': (),
     'launch_ros.actions': ('Node',),
-    'launch_ros.parameter_descriptions': ('ParameterValue',),
+    'launch_ros.parameter_descriptions': (),
 }
 
 
@@ -55,6 +62,7 @@ def install(patch: pytest.MonkeyPatch) -> None:
             setattr(module, kind, type(kind, (Action,), {}))
         patch.setitem(sys.modules, name, module)
     sys.modules['launch.substitutions'].LaunchConfiguration = LaunchConfiguration
+    sys.modules['launch_ros.parameter_descriptions'].ParameterValue = ParameterValue
     patch.delitem(sys.modules, 'par4_sim.ros.launched', raising=False)
 
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import os
 import runpy
 import signal
 import subprocess
 import sys
+import xml.etree.ElementTree as ElementTree
 from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
@@ -26,10 +28,13 @@ from par4_kinematics.errors import InputError
 from par4_kinematics.files import read_yaml
 from par4_kinematics.ros.convert import joint_values, time_ns
 from par4_kinematics.ros.node import Par4Node
+from par4_kinematics.workspace import home_pose
 from par4_sim.cell.cell import CLOCK, COMPOSITIONS, NodePart, Session, ToolPart
 from par4_sim.cell.running_cell import RunningCell, command_of, run_session, running_cell
 from par4_sim.choices import POSITION_LAWS
 from par4_sim.commands import cell
+from par4_sim.description.robot_tree import tree_joint_positions
+from par4_sim.ros.sample_publisher import PASSIVE_PERIOD_NS
 from par4_sim.ros.simulation_parameters import SimulationParameters
 from robots import REFERENCE
 
@@ -52,6 +57,7 @@ def names(session: Session) -> list[str]:
 def test_every_part_exists_and_takes_its_parameters(name):
     session = session_of(name)
     parts = [*session.nodes, *([session.then] if session.then else [])]
+    assert not any(part.of_ros for part in session.nodes)
     for part in parts:
         assert (part.package, part.executable) in {row[:2] for row in interface.EXECUTABLES}
     for part in session.nodes:
@@ -216,15 +222,93 @@ def test_a_launch_file_starts_the_nodes_of_its_composition(launched, name):
         assert node.remappings == [('/clock', '/robot_a/clock')]
         # a node of a launch that was killed ends by itself
         assert node.additional_env == {'PAR4_RUNNER': str(os.getpid())}
-        assert node.parameters == [{key: value for key, value in part.parameters.items()
-                                    if value != ''}]
+        # a bag `2026` and a description in XML stay texts
+        assert node.parameters == [{
+            key: launch_stand_in.ParameterValue(value, value_type=str)
+            if isinstance(value, str) else value
+            for key, value in part.parameters.items() if value != ''}]
 
 
 def test_rviz_comes_first_because_it_may_be_missing(launched):
-    started = launch_stand_in.started(launched('cell'), rviz='true')
+    started = launch_stand_in.started(launched('cell'), rviz='true', namespace='robot_a')
     assert [node.executable for node in started][:3] == [
-        'robot_state_publisher', 'rviz2', 'par4_simulation']
-    assert Path(started[1].arguments[1]).is_file()
+        'rviz2', 'robot_state_publisher', 'par4_simulation']
+    assert Path(started[0].arguments[1]).is_file()
+    for node in started[:2]:  # the frames of two robots have the same names
+        assert {('/clock', '/robot_a/clock'), ('/tf', 'tf'), ('/tf_static', 'tf_static')} <= {
+            *node.remappings}
+
+
+def frames_part(name: str, **given: str) -> NodePart:
+    """Return the node of ROS in a session that publishes frames."""
+    part, = (part for part in session_of(name, tf='true', **given).nodes if part.of_ros)
+    return part
+
+
+@pytest.mark.parametrize('name', ['simulation', 'cell'])
+def test_frames_are_published_where_they_are_asked_for(name):
+    assert not any(part.of_ros for part in session_of(name).nodes)
+    part = frames_part(name)
+    assert (part.package, part.executable) == ('robot_state_publisher', 'robot_state_publisher')
+    # faster than the messages with passive joints, so that it takes each of them
+    assert 1e9 / part.parameters['publish_frequency'] < PASSIVE_PERIOD_NS
+    joints = {joint.get('name') for joint in ElementTree.fromstring(
+        part.parameters['robot_description']).findall('joint')}
+    assert joints == tree_joint_positions(REFERENCE.geometry, home_pose(REFERENCE)).keys()
+    names_with, names_without = (names(session_of(name, tf=tf)) for tf in ('true', 'false'))
+    assert names_with == ['robot_state_publisher', *names_without]
+
+
+def test_frames_come_of_ros_alone():
+    with (pytest.raises(InputError, match='robot_state_publisher: not found .* install package'),
+          running_cell(session_of('cell', tf='true'))):
+        pass
+
+
+@pytest.fixture
+def of_ros(tmp_path, monkeypatch):
+    """Return the file into which a stand-in for robot_state_publisher writes how it was started."""
+    path = tmp_path / 'lib' / 'robot_state_publisher' / 'robot_state_publisher'
+    path.parent.mkdir(parents=True)
+    path.write_text(f"""#!{sys.executable}
+import json, signal, sys
+blocked = [*map(int, signal.pthread_sigmask(signal.SIG_BLOCK, ()))]
+signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+with open({str(tmp_path / 'started.tmp')!r}, 'w') as file:
+    json.dump([blocked, sys.argv[1:]], file)
+import os
+os.rename({str(tmp_path / 'started.tmp')!r}, {str(tmp_path / 'started')!r})
+signal.sigwait([signal.SIGINT])
+""")
+    path.chmod(0o755)
+    monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path))
+    return tmp_path / 'started'
+
+
+def test_a_node_of_ros_is_started_with_the_description_and_heeds_signals(of_ros, bench):
+    """It does not unblock what this project's nodes are started with."""
+    session = session_of('simulation', namespace='robot_a', tf='true')
+    part, _ = session.nodes
+    session = dataclasses.replace(session, nodes=(part,))
+    with running_cell(session, bench.folder / 'nodes.log') as cell:
+        bench.wait(of_ros.exists, 'its start')
+        blocked, arguments = json.loads(of_ros.read_text())
+    assert blocked == []
+    process, = (process for _, process in cell.processes)
+    assert process.returncode == 0
+    context = rclpy.Context()
+    rclpy.init(args=['node', *arguments], context=context)
+    try:
+        node = Node('node', context=context, automatically_declare_parameters_from_overrides=True)
+        told = node.get_parameter('robot_description').value
+        assert node.get_parameter('publish_frequency').value == part.parameters['publish_frequency']
+        assert told.split() == part.parameters['robot_description'].split()
+        assert node.resolve_topic_name('/tf') == '/robot_a/tf'
+        assert node.resolve_topic_name('robot_description') == '/robot_a/node/robot_description'
+        assert node.resolve_topic_name('/clock') == '/robot_a/clock'
+        node.destroy_node()
+    finally:
+        context.try_shutdown()
 
 
 def ends(node, code: int) -> list:

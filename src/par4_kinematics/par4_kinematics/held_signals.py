@@ -17,8 +17,9 @@ def held_back(*numbers: signal.Signals) -> Iterator[None]:
     """Hold signals back in this block, for this process and for good in those that it starts.
 
     This process gets them when the block ends. A process that was started in it gets none until
-    it unblocks them, as executables of this project do (`par4_start`). Where `multiprocessing`
-    starts them, its resource tracker must run already, which lets signals through as it begins.
+    it unblocks them, as executables of this project do (`par4_start`); others are started within
+    `passed_on`. Where `multiprocessing` starts them, its resource tracker must run already, which
+    lets signals through as it begins.
 
     The mask is that of this thread; the system may hand a signal to another one that libraries
     have started. Python then runs the handler here all the same, so that it is replaced by one
@@ -40,3 +41,13 @@ def held_back(*numbers: signal.Signals) -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
         for told in noted:
             signal.raise_signal(told)
+
+
+@contextmanager
+def passed_on(*numbers: signal.Signals) -> Iterator[None]:
+    """Start processes in this block, within `held_back`, that do not unblock these signals."""
+    before = signal.pthread_sigmask(signal.SIG_UNBLOCK, numbers)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os.path
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from par4_kinematics.errors import InputError
@@ -22,6 +22,13 @@ CLOCK = '/clock'
 
 Value = str | int | float | bool
 
+PUBLISHER = 'robot_state_publisher'
+"""Executable and package of ROS."""
+FRAMES_HZ = 31.0
+"""Of robot_state_publisher: with a shorter period than that of the passive joints in joint_states,
+it takes each message with them whole, and arms and rods are drawn at the same time."""
+WITHIN_NAMESPACE = (('/tf', 'tf'), ('/tf_static', 'tf_static'))
+"""Remappings with which robots in namespaces, whose frames have the same names, do not mix them."""
 
 _NAME = re.compile(r'[A-Za-z_]\w*(/[A-Za-z_]\w*)*', re.ASCII)
 """Names of topics and namespaces, without the slashes around them."""
@@ -85,11 +92,17 @@ class Argument:
 
 @dataclass(frozen=True)
 class NodePart:
-    """A node with its parameters."""
+    """A node with its parameters, and with remappings of its own."""
 
     package: str
     executable: str
     parameters: Mapping[str, Value]
+    remappings: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def of_ros(self) -> bool:
+        """Whether it is none of this project's nodes."""
+        return not self.package.startswith('par4_')
 
 
 @dataclass(frozen=True)
@@ -155,6 +168,10 @@ SIMULATED = (
     Argument('noise', 0.0, 'of the recorded torque, N m rms'),
     Argument('seed', 0, 'of the noise, and of an excitation'),
     Argument('window', False, 'show the robot in a window of pybullet'),
+)
+FRAMES = (
+    Argument('tf', False, f'publish the frames of all links on /tf, in a namespace NAMESPACE/tf, '
+                          f'by {PUBLISHER} of an installed ROS'),
 )
 FED_FORWARD = (
     Argument('model', 'table1', 'model.yaml of the feedforward, and of a controller that needs '
@@ -238,14 +255,28 @@ def _session(asked: Mapping[str, Value], nodes: tuple[NodePart, ...],
     return Session(nodes, player, then, space, remappings)
 
 
+def _frames(asked: Mapping[str, Value]) -> tuple[NodePart, ...]:
+    """Return robot_state_publisher, whose own description goes nowhere, if it is asked for."""
+    if asked['tf'] is not True:
+        return ()
+    from par4_kinematics.robot import read_robot
+    from par4_sim.description.robot_description import complete_description
+
+    return (NodePart(PUBLISHER, PUBLISHER, {
+        'robot_description': complete_description(read_robot(str(asked['robot_file']))),
+        'publish_frequency': FRAMES_HZ, 'use_sim_time': True},
+        (*WITHIN_NAMESPACE, ('robot_description', '~/robot_description'))),)
+
+
 def _only_simulation(asked: Mapping[str, Value]) -> Session:
-    return _session(asked, (_simulation(asked),))
+    return _session(asked, (*_frames(asked), _simulation(asked)))
 
 
 def _cell(asked: Mapping[str, Value]) -> Session:
     pose = NodePart('par4_kinematics', 'par4_kinematics',
                     {'robot_file': asked['robot_file'], 'use_sim_time': True})
-    return _moved(asked, simulated=True, beside=(pose,))
+    session = _moved(asked, simulated=True, beside=(pose,))
+    return replace(session, nodes=(*_frames(asked), *session.nodes))
 
 
 def _recording(asked: Mapping[str, Value]) -> Session:
@@ -293,10 +324,11 @@ def _moved(asked: Mapping[str, Value], simulated: bool, beside: tuple[NodePart, 
 
 
 COMPOSITIONS = {
-    'simulation': Composition('The simulated robot alone.', ROBOT + SIMULATED, _only_simulation),
+    'simulation': Composition('The simulated robot alone.', ROBOT + SIMULATED + FRAMES,
+                              _only_simulation),
     'cell': Composition(
         'Simulated robot, feedforward and platform pose; a motion and a recorder where asked.',
-        ROBOT + SIMULATED + FED_FORWARD + OPTIONAL, _cell),
+        ROBOT + SIMULATED + FRAMES + FED_FORWARD + OPTIONAL, _cell),
     'recording': Composition(
         'A motion is played with feedforward and recorded, on a simulated or a real robot.',
         ROBOT + OWN_ROBOT + SIMULATED + FED_FORWARD + PLAYED, _recording),

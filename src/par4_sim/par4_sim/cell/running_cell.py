@@ -16,7 +16,7 @@ from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
 
 from par4_kinematics.errors import InputError
-from par4_kinematics.held_signals import held_back
+from par4_kinematics.held_signals import held_back, passed_on
 from par4_kinematics.runner import run_by_this_process
 from par4_sim.cell.cell import NodePart, Session, ToolPart, Value
 
@@ -51,7 +51,7 @@ def command_of(part: NodePart, session: Session) -> list[str]:
             line += ['-p', f'{name}:={_written(value)}']
     if session.namespace:
         line += ['-r', f'__ns:=/{session.namespace}']
-    for topic, other in session.remappings:
+    for topic, other in (*session.remappings, *part.remappings):
         line += ['-r', f'{topic}:={other}']
     return line
 
@@ -85,9 +85,10 @@ class RunningCell:
         with (nullcontext() if self._log is None else self._log.open('ab') as output,
               held_back(*ENDING)):
             for part, line in zip(self._session.nodes, lines, strict=True):
-                self.processes.append((part, subprocess.Popen(
-                    line, stdout=output, stderr=output, env=run_by_this_process(environment),
-                    process_group=group)))
+                with passed_on(*ENDING) if part.of_ros else nullcontext():
+                    self.processes.append((part, subprocess.Popen(
+                        line, stdout=output, stderr=output, env=run_by_this_process(environment),
+                        process_group=group)))
 
     def played(self) -> bool:
         """Return whether the motion has been played to its end.

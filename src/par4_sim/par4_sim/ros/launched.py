@@ -23,17 +23,12 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-from par4_kinematics.robot import read_robot
 from par4_kinematics.ros.parameters import ALIKE
 from par4_kinematics.runner import run_by_this_process
-from par4_sim.cell.cell import COMPOSITIONS, Argument, NodePart, Session
+from par4_sim.cell.cell import COMPOSITIONS, WITHIN_NAMESPACE, Argument, NodePart, Session, Value
 from par4_sim.cell.running_cell import executable_path
-from par4_sim.description.robot_description import complete_description
 
-PICTURES_HZ = 31.0
-"""Of robot_state_publisher: with a shorter period than that of the passive joints in joint_states,
-it takes each message with them whole, and arms and rods are drawn at the same time."""
-VIEW = Argument('rviz', False, 'show the robot in RViz')
+VIEW = Argument('rviz', False, 'show the robot in RViz, with tf:=true')
 
 
 def launch_description(name: str, view: Path | None = None) -> LaunchDescription:
@@ -49,12 +44,12 @@ def launch_description(name: str, view: Path | None = None) -> LaunchDescription
     def actions(context: LaunchContext) -> Sequence[Any]:
         texts = {argument.name: LaunchConfiguration(argument.name).perform(context)
                  for argument in composition.arguments}
-        session = composition.session(texts)
         shown = view is not None and VIEW.value(
             LaunchConfiguration(VIEW.name).perform(context)) is True
+        session = composition.session({**texts, 'tf': 'true'} if shown else texts)
         # first, because its packages may be missing: then nothing has started yet
         return [*_misspelt(context.launch_configurations, [one.name for one in arguments]),
-                *(_rviz(view, texts['robot_file'], session) if shown else ()),
+                *([_rviz(view, session)] if shown else ()),
                 *_Launched(session).nodes()]
 
     return LaunchDescription([
@@ -106,9 +101,9 @@ class _Launched:
 
         return Node(package=part.package, executable=part.executable, output='screen',
                     namespace=self._session.namespace or None,
-                    parameters=[{name: value for name, value in part.parameters.items()
-                                 if value != ''}],
-                    remappings=list(self._session.remappings), on_exit=ended,
+                    parameters=[{name: _as_told(value)
+                                 for name, value in part.parameters.items() if value != ''}],
+                    remappings=[*self._session.remappings, *part.remappings], on_exit=ended,
                     additional_env=run_by_this_process({}))
 
     def _failure(self, executable: str, code: int) -> list[Any]:
@@ -150,18 +145,13 @@ class _Launched:
                                on_exit=ended)]
 
 
-def _rviz(view: Path | None, robot_file: str, session: Session) -> list[Node]:
-    """Return robot_state_publisher, whose own description goes nowhere, and RViz."""
-    clock = {'use_sim_time': True}
-    namespace, remappings = session.namespace or None, list(session.remappings)
-    return [
-        Node(package='robot_state_publisher', executable='robot_state_publisher',
-             on_exit=Shutdown(reason='robot_state_publisher has ended'), namespace=namespace,
-             remappings=[*remappings, ('robot_description', '~/robot_description')],
-             parameters=[clock, {
-                 'robot_description': ParameterValue(complete_description(
-                     read_robot(robot_file)), value_type=str),
-                 'publish_frequency': PICTURES_HZ}]),
-        Node(package='rviz2', executable='rviz2', arguments=['-d', str(view)],
-             parameters=[clock], namespace=namespace, remappings=remappings),
-    ]
+def _as_told(value: Value) -> Any:
+    """Return the value of a parameter; a text, which `launch` would read as YAML, stays a text."""
+    return ParameterValue(value, value_type=str) if isinstance(value, str) else value
+
+
+def _rviz(view: Path | None, session: Session) -> Node:
+    """Return RViz."""
+    return Node(package='rviz2', executable='rviz2', arguments=['-d', str(view)],
+                parameters=[{'use_sim_time': True}], namespace=session.namespace or None,
+                remappings=[*session.remappings, *WITHIN_NAMESPACE])
