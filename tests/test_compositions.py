@@ -84,7 +84,8 @@ def test_a_controller_is_told_what_it_needs(controller):
 
 @pytest.mark.parametrize('name', COMPOSITIONS)
 @pytest.mark.parametrize(('argument', 'text'), [
-    ('physics_step', '0.001'), ('real_time_factor', '0.63'), ('real_time_factor', '0')])
+    ('physics_step', '0.001'), ('real_time_factor', '0.63'), ('real_time_factor', '0'),
+    ('publish_rate_hz', '250')])
 def test_what_a_slow_simulation_proposes_can_be_given_to_it(name, argument, text):
     simulation = session_of(name, **{argument: text}).nodes[0]
     assert simulation.parameters[argument] == float(text)

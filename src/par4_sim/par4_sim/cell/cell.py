@@ -163,6 +163,7 @@ SIMULATED = (
     Argument('fidelity', 'fast', 'how exactly the mechanism is simulated', FIDELITIES),
     Argument('physics_step', STEP, 'of the physics and the drives, s; larger is faster and less '
                                    'exact'),
+    Argument('publish_rate_hz', 1000.0, 'samples a second of simulated time, Hz'),
     Argument('real_time_factor', 1.0, 'simulated seconds a second; 0 = as fast as it can'),
     Argument('controller', POSITION_LAWS[0], 'of the simulated drives', POSITION_LAWS),
     Argument('noise', 0.0, 'of the recorded torque, N m rms'),
@@ -228,6 +229,7 @@ def _simulation(asked: Mapping[str, Value], **further: Value) -> NodePart:
     return NodePart('par4_sim', 'par4_simulation', {
         'robot_file': asked['robot_file'], 'model_file': asked['machine'],
         'fidelity': asked['fidelity'], 'physics_step': asked['physics_step'],
+        'publish_rate_hz': asked['publish_rate_hz'],
         'real_time_factor': asked['real_time_factor'], 'torque_noise': asked['noise'],
         'seed': asked['seed'], 'window': asked['window'], 'controller': asked['controller'],
         **({'controller_model': asked['model']} if 'model' in asked else {}), **further})
