@@ -26,7 +26,7 @@ from par4_identification.logs.bag_repair import repair_bag
 from par4_identification.logs.sqlite_pages import rows_of_leaves
 from par4_identification.logs.topic_columns import JOINT_ARRAYS, AlikeMessages, TopicColumns
 from par4_kinematics.errors import InputError
-from par4_kinematics.interface import ROBOT_DESCRIPTION
+from par4_kinematics.interface import RECORDED_TOPICS, ROBOT_DESCRIPTION, SHOWN_TOPICS
 from par4_sim.bags import bag_writer
 from par4_sim.bags.bag_writer import BagWriter
 from par4_sim.choices import STORAGES
@@ -725,7 +725,6 @@ def test_repair_refuses_in_one_line_and_leaves_no_output(tmp_path):
 FULL_DISK = """
 import resource, sys
 from par4_kinematics.errors import InputError
-from par4_kinematics.interface import ROBOT_DESCRIPTION
 from par4_sim.bags.bag_writer import BagWriter
 sys.path.insert(0, sys.argv[3])
 from test_bag import fill
@@ -746,11 +745,80 @@ def test_full_disk_is_said_in_one_line(tmp_path, storage):
                            str(Path(__file__).parent)], capture_output=True, text=True, check=True)
     assert 'cannot be written' in done.stdout
     assert done.stdout.count('\n') == 1
+    if storage == 'sqlite3':
+        assert_complete(tmp_path / 'bag', done.stdout)
+        return
     assert not (tmp_path / 'bag' / 'metadata.yaml').exists()  # it would tell of more than there is
     with pytest.raises(InputError, match='--repair'):
         read_bag(tmp_path / 'bag')
     repair_bag(tmp_path / 'bag', tmp_path / 'mended')
     assert assert_prefix(tmp_path / 'mended', 10, 490)
+
+
+def assert_complete(path: Path, said: str) -> None:
+    """Assert that a sqlite3 bag ends with what was flushed, and that its metadata tell of that."""
+    assert sorted(file.suffix for file in path.iterdir()) == ['.db3', '.yaml']
+    count = assert_prefix(path, 10, 490)
+    assert f'the bag is complete, with the {count} messages until then' in said
+    assert '--repair' not in said
+    with AnyReader([path]) as reader:
+        received = [received for _, received, _ in reader.messages()]
+        assert (reader.message_count, reader.start_time, reader.end_time - 1) == (
+            count, min(received), max(received))
+        assert [connection.msgcount for connection in reader.connections] == [count]
+
+
+TAKEN = """
+import os, rosbags.rosbag2
+abort = rosbags.rosbag2.Writer.abort
+def taken(writer):
+    abort(writer)
+    with open(os.path.join(os.path.dirname(sys.argv[1]), 'of_another'), 'wb', 0) as file:
+        try:
+            while file.write(bytes(512)):
+                pass
+        except OSError:
+            pass
+rosbags.rosbag2.Writer.abort = taken
+"""
+"""Another program takes what sqlite3 gives back where it could not write."""
+
+
+@pytest.mark.parametrize('blocks', [1, 2000])
+def test_a_full_file_system_leaves_a_bag_that_can_be_read(tmp_path, blocks):
+    """Also where more came since the last flush than sqlite3 keeps in memory, 2 MB."""
+    disk = tmp_path / 'disk'
+    disk.mkdir()
+    script = FULL_DISK.replace('resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))', TAKEN)
+    script = script.replace('range(50)', 'range(2000)').replace(
+        'writer.flush()', f'block % {blocks} or writer.flush()')
+    small = ['unshare', '--user', '--map-root-user', '--mount', 'sh', '-c']
+    mount = f'mount -t tmpfs -o size=120k par4 {disk}'
+    if subprocess.run([*small, mount], capture_output=True, check=False).returncode:
+        pytest.skip('this system lets no user mount a file system of his own')
+    done = subprocess.run([*small, f'{mount} && "$@" && cp -r {disk}/bag {tmp_path}', 'sh',
+                           sys.executable, '-c', script, str(disk / 'bag'), 'sqlite3',
+                           str(Path(__file__).parent)], capture_output=True, text=True, check=True)
+    assert done.stdout.count('cannot be written (database or disk is full)') == 1
+    assert_complete(tmp_path / 'bag', done.stdout)
+
+
+def test_a_disk_that_is_full_from_the_start_leaves_a_bag_to_repair(tmp_path):
+    writer = BagWriter(tmp_path / 'bag', 'sqlite3')
+    fill(writer, 0, 5)
+    assert '--repair' in str(writer._refused(OSError(28, 'No space left on device')))
+    with pytest.raises(InputError, match='no metadata.yaml'):
+        read_bag(tmp_path / 'bag')
+
+
+@pytest.mark.parametrize('times', [0, 1])
+def test_the_room_that_is_kept_is_enough_and_is_given_back(tmp_path, times):
+    with BagWriter(tmp_path / 'bag', 'sqlite3') as writer:
+        fill(writer, 0, 5)
+        for topic in (*RECORDED_TOPICS, *SHOWN_TOPICS) * times:
+            writer.write_raw(f'/{topic.type:_<99}', topic.type, START, b'')
+    assert sorted(file.suffix for file in (tmp_path / 'bag').iterdir()) == ['.db3', '.yaml']
+    assert (tmp_path / 'bag' / 'metadata.yaml').stat().st_size < bag_writer.ROOM / 2
 
 
 def test_a_full_disk_names_the_bag_that_was_asked_for(tmp_path, monkeypatch):

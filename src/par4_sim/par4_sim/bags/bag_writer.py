@@ -9,7 +9,7 @@ from __future__ import annotations
 import sqlite3
 import time
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
@@ -46,11 +46,26 @@ from par4_sim.choices import STORAGES, repair_command
 if TYPE_CHECKING:
     from rosbags.typesys.store import Msg
 
+RESERVE, ROOM = 'metadata.yaml.reserve', 1 << 14
+"""File beside a sqlite3 bag while it is written, and its bytes: they make room for metadata.yaml,
+which has some 700 for each topic, where the disk is full."""
 FLUSH_PERIOD = 1.0
 """Seconds after which written messages are handed to the operating system."""
 _FOREVER = QosTime(9223372036, 854775807)
 Numbers = Sequence[float] | np.ndarray
 """Values of the joints of a message, (J,) or empty."""
+
+
+class _Closed:
+    """Stands for the storage of a sqlite3 bag whose file is closed."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def close(self, *_: object) -> None:
+        """Do nothing."""
+
+    add_msgtype = add_connection = write = abort = close
 
 
 class BagWriter:
@@ -63,7 +78,8 @@ class BagWriter:
 
     Attributes:
         path: of the bag.
-        failed: whether the disk refused something: the bag is then left as after a kill, without
+        failed: whether the disk refused something. A sqlite3 bag then ends with what was flushed
+            last, and its metadata.yaml tells of that. An MCAP bag is left as after a kill, without
             a metadata.yaml that would tell of more than it holds.
     """
 
@@ -89,6 +105,8 @@ class BagWriter:
             self._writer = Writer(self.path, version=9, storage_plugin=StoragePlugin[
                 storage.upper()])
             self._writer.open()
+            if isinstance(self._writer.storage, Sqlite3Writer):
+                (self.path / RESERVE).write_bytes(bytes(ROOM))
         except WriterError:
             raise InputError(f'{path}: exists already; give another path or remove it') from None
         except (OSError, sqlite3.Error) as error:
@@ -222,6 +240,7 @@ class BagWriter:
             return
         try:
             self._writer.close()
+            (self.path / RESERVE).unlink(missing_ok=True)
         except (OSError, sqlite3.Error) as error:
             raise self._refused(error) from error
 
@@ -232,7 +251,40 @@ class BagWriter:
         told = unwritable(self._later or self.path, error)
         if self._later is not None:
             return told
+        held = 0
+        if (self.path / RESERVE).exists():
+            with suppress(OSError, sqlite3.Error):
+                held = self._end_here()
+        if held:
+            return InputError(f'{told}; the bag is complete, with the {held} messages until then')
         return InputError(f'{told}, then run {repair_command(self.path)}')
+
+    def _end_here(self) -> int:
+        """Complete a sqlite3 bag with the messages in its file; return how many, 0 = no bag.
+
+        sqlite3 takes back what it could not write in whole, at the latest when it opens the file
+        anew. Counts and times of the library's writer are of all that was given to it: they become
+        those of what is there. For metadata.yaml there is the room that was kept.
+
+        Raises:
+            OSError, sqlite3.Error: the disk refuses again, or holds no sound file.
+        """
+        writer, file = self._writer, self.path / f'{self.path.name}.db3'
+        with closing(sqlite3.connect(f'{file.absolute().as_uri()}?mode=rw', uri=True)) as database:
+            topics = {key for key, in database.execute('SELECT id FROM topics')}
+            held = {key: (count, first, last) for key, count, first, last in database.execute(
+                'SELECT topic_id, count(*), min(timestamp), max(timestamp) FROM messages '
+                'GROUP BY topic_id')}
+        if not held:
+            return 0
+        writer.connections = [one for one in writer.connections if one.id in topics]
+        writer.counts = {one.id: held.get(one.id, (0,))[0] for one in writer.connections}
+        writer.min_timestamp = min(first for _, first, _ in held.values())
+        writer.max_timestamp = max(last for *_, last in held.values())
+        (self.path / RESERVE).unlink()
+        writer.storage = _Closed(file)
+        writer.close()
+        return sum(writer.counts.values())
 
     def _header(self, stamp: int) -> Msg:
         types = self._typestore.types
