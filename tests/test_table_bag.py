@@ -29,7 +29,7 @@ from par4_identification.logs.read_log import read_log
 from par4_identification.logs.table_bag import Part, measured_of_files, write_measured
 from par4_identification.logs.units import UNITS
 from par4_kinematics.errors import InputError
-from par4_kinematics.robot import JOINT_NAMES, Axis
+from par4_kinematics.robot import JOINT_NAMES, Axis, read_machine
 from recording import VARIABLE as EMPS_VARIABLE
 from recording import data_path, read_recording
 from robots import REFERENCE
@@ -122,6 +122,32 @@ def test_an_axis_comes_back_from_any_unit(columns, values, options, storage, too
     np.testing.assert_allclose(log.t, T, atol=1e-9)
     np.testing.assert_allclose(log.q[:, 0], Q, atol=1e-12)
     np.testing.assert_allclose(log.tau[:, 0], TAU, atol=1e-12)
+
+
+def test_an_axis_with_torques_needs_no_gain(tool, tmp_path):
+    path = csv(tmp_path / 'log.csv', t=T, q=Q, tau=TAU, volts=0.5 * TAU)
+    robot = tmp_path / 'axis.yaml'
+    robot.write_text('{schema: par4/axis/1, name: bare, joint: motor, kind: revolute}')
+    nobody_knows = ('holds voltages and no torque, and the robot file of bare has no gain; write '
+                    'gain into it')
+    told = tool(path, '--columns', 'time=t:s position=q:rad voltage=volts:V', '--robot', robot,
+                '--output', tmp_path / 'bag')
+    assert (told.code, told.err.count('\n')) == (2, 1)
+    assert f'error: --columns: {nobody_knows}' in told.err
+    machine = read_machine(robot)
+    for name, columns, options in (('volts', 'voltage=volts:V', ('--joints', 'motor')),
+                                   ('both', 'torque=tau:Nm voltage=volts:V', ('--robot', robot))):
+        told = tool(path, '--columns', f'time=t:s position=q:rad {columns}', *options, '--output',
+                    tmp_path / name)
+        assert told.code == 0, told.err
+    with pytest.raises(InputError, match=nobody_knows):
+        read_log(tmp_path / 'volts', machine)
+    log = read_log(tmp_path / 'both', machine)
+    assert log.accounts.torque_source == 'effort'
+    np.testing.assert_allclose(log.tau[:, 0], TAU, atol=1e-12)
+    robot.write_text('{schema: par4/axis/1, name: bare, joint: motor, kind: revolute, gain: 2.0}')
+    np.testing.assert_allclose(read_log(tmp_path / 'both', read_machine(robot)).tau[:, 0], TAU,
+                               atol=1e-12)
 
 
 @pytest.mark.parametrize('unit', UNITS['velocity'])

@@ -135,7 +135,7 @@ class Axis(FileModel):
         name: of the axis.
         joint: name of its joint.
         kind: whether it slides or turns.
-        gain: torque or force per volt, N m/V or N/V.
+        gain: torque or force per volt, N m/V or N/V; None where torques are logged, not voltages.
         gravity: 'vertical' if the axis lifts a load, because it turns in a vertical plane or slides
             up and down; 'none' if not; 'unknown' lets the data tell.
         gear_ratio: turns of the motor for one turn of the joint, or None.
@@ -148,7 +148,7 @@ class Axis(FileModel):
     name: str
     joint: str
     kind: Literal['linear', 'revolute']
-    gain: StrictFloat = Field(gt=0)
+    gain: StrictFloat | None = Field(None, gt=0)
     gravity: Literal['none', 'vertical', 'unknown'] = 'none'
     gear_ratio: StrictFloat | None = Field(None, gt=0)
     pole_pairs: Whole | None = Field(None, ge=1)
@@ -161,8 +161,8 @@ class Axis(FileModel):
 
     @property
     def drive_gain(self) -> tuple[float, ...]:
-        """Force or torque per volt of the one joint."""
-        return (self.gain,)
+        """Force or torque per volt of the one joint, 1 where the file does not say it."""
+        return (self.gain or 1.0,)
 
     @property
     def hanging(self) -> Hanging | None:

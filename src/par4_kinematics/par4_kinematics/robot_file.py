@@ -81,8 +81,9 @@ AXIS_KEYS = {
     'joint': ('', 'name of its joint on `joint_states`', 'every reader of bags; `par4_bag`'),
     'kind': ('', '`revolute` turns (rad, N m), `linear` slides (m, N)', 'units, base terms, which '
              'effects are sought'),
-    'gain': ('N m/V or N/V', 'torque or force at the joint per volt at the amplifier; 1 where the '
-             'log has torque', 'every tool that reads `amplifier_voltage`'),
+    'gain': ('N m/V or N/V', 'torque or force at the joint per volt at the amplifier; needed only '
+             'where the log has voltages and neither torque nor current', 'every tool that reads '
+             '`amplifier_voltage`'),
     'gravity': ('', '`vertical` if the axis turns in a vertical plane or slides up and down, '
                 '`none` if it carries no weight, `unknown` to let the data tell', 'base terms'),
     'gear_ratio': ('', 'turns of the motor for one turn of the joint', _ORDERS),
@@ -96,7 +97,6 @@ schema: par4/axis/1
 name: elbow
 joint: elbow
 kind: revolute
-gain: 4.2             # N m/V
 gravity: vertical     # it swings in a vertical plane
 gear_ratio: 101
 pole_pairs: 7
@@ -107,7 +107,7 @@ schema: par4/axis/1
 name: slide
 joint: carriage
 kind: linear
-gain: 35.0            # N/V
+gain: 35.0            # N/V; its logs have voltages
 """
 
 

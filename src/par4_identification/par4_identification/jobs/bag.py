@@ -14,6 +14,7 @@ from par4_identification.logs.column_choice import (
     motion_of,
     named_otherwise,
 )
+from par4_identification.logs.measured_torque import WITHOUT_GAIN
 from par4_identification.logs.table_bag import Part, measured_of_files, write_measured
 from par4_kinematics.errors import InputError
 from par4_kinematics.geometry import LEGS
@@ -38,6 +39,8 @@ def make_bag(files: tuple[str, ...], columns: str, output: Path, robot: str | No
     """
     choices = chosen_columns(columns)
     machine = None if robot is None else read_machine(robot)
+    if 'torque' not in choices and isinstance(machine, Axis) and machine.gain is None:
+        raise InputError(f'--columns: {WITHOUT_GAIN.format(machine.name)}')
     motion = motion_of(choices)
     names = joint_names(machine, joints, len(motion.columns))
     if output.exists():

@@ -17,6 +17,11 @@ from par4_kinematics.errors import InputError
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES
 from par4_kinematics.robot import Axis, Robot
 
+WITHOUT_GAIN = ('holds voltages and no torque, and the robot file of {} has no gain; write gain '
+                'into it, the torque or force at the joint per volt, or gain: 1.0 to have volts in '
+                'its place')
+"""What to do where nobody knows which torque a voltage makes."""
+
 
 def measured_torque(path: str | Path, bag: RawBag, machine: Robot | Axis, clock: Clock,
                     kept: Source) -> tuple[Series, str, tuple[float, ...] | None, float]:
@@ -31,7 +36,7 @@ def measured_torque(path: str | Path, bag: RawBag, machine: Robot | Axis, clock:
         kept: the machine or simulation whose messages count.
 
     Raises:
-        InputError: there is none.
+        InputError: there is none, or voltages alone of an axis whose gain is not known.
     """
     states = bag.joints[JOINT_STATES.name]
     rows = stamped_rows(path, states, states.effort, machine.joint_names, 'effort')
@@ -39,11 +44,14 @@ def measured_torque(path: str | Path, bag: RawBag, machine: Robot | Axis, clock:
     voltages = bag.joints.get(AMPLIFIER_VOLTAGE.name)
     rows = None if voltages is None else stamped_rows(
         path, voltages, voltages.effort, machine.joint_names, 'voltage')
-    if rows is None:
-        if effort is None:
-            raise InputError(f'{path}: no torque, neither {AMPLIFIER_VOLTAGE.name} nor effort in '
-                             f'{states.topic}; record one of them')
+    no_gain = isinstance(machine, Axis) and machine.gain is None
+    if effort is not None and (rows is None or no_gain):
         return effort, 'effort', None, 0.0
+    if rows is None:
+        raise InputError(f'{path}: no torque, neither {AMPLIFIER_VOLTAGE.name} nor effort in '
+                         f'{states.topic}; record one of them')
+    if no_gain:
+        raise InputError(f'{path}: {WITHOUT_GAIN.format(machine.name)}')
     rows = kept.of_its_clock(rows)
     offset = clock.offset(rows)
     voltage = _series(path, replace(rows, stamp=rows.stamp + offset), clock, kept)

@@ -58,9 +58,9 @@ def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = No
     """Return the log of a bag: positions and torques, repaired and on an even grid.
 
     The torque is gain x `amplifier_voltage` (24) if that topic has messages, else the effort of
-    `joint_states`. Evenly stamped samples are not changed; others are interpolated to the grid,
-    positions and torques each by one cubic spline through their own stamps. Every repair is counted
-    in `Log.accounts`.
+    `joint_states`, which goes first for an axis whose file has no gain. Evenly stamped samples are
+    not changed; others are interpolated to the grid, positions and torques each by one cubic spline
+    through their own stamps. Every repair is counted in `Log.accounts`.
 
     Args:
         path: of the bag.
