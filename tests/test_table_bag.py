@@ -107,6 +107,13 @@ def test_a_par4_comes_back_from_foreign_units(tool, tmp_path):
      ('--counts-per-turn', 4096, '--motor-gain', 0.05)),
     ('position=2:deg torque=3:mA', (T, np.degrees(Q), 1e3 * TAU / 0.05),
      ('--rate', 1.0 / PERIOD, '--motor-gain', 0.05)),
+    ('time=1:0.125ms position=2:-0.1deg torque=3:2.69mA', (
+        8e3 * T, -10.0 * np.degrees(Q), 1e3 * TAU / 0.05 / 2.69), ('--motor-gain', 0.05)),
+    ('time=1:µs position=2:ticks torque=3:%', (1e6 * T, Q / (2.0 * np.pi) * 4096, TAU / 0.024),
+     ('--counts-per-turn', 4096, '--rated-torque', 2.4)),
+    ('time=1:s position=2:° torque=3:permille', (T, np.degrees(Q), TAU / 0.0024),
+     ('--rated-torque', 2.4)),
+    ("time=1:s position=2:rad torque=3:'0.5 N*m'", (T, Q, 2.0 * TAU), ()),
     ('time=1:ms position=2:rad voltage=3:V', (1e3 * T, Q, 0.5 * TAU), ()),
     ('time=1:s position=2:rad voltage=3:mV', (T + 700.0, Q, 500.0 * TAU), ()),
 ])
@@ -153,8 +160,8 @@ def test_an_axis_with_torques_needs_no_gain(tool, tmp_path):
 @pytest.mark.parametrize('unit', UNITS['velocity'])
 def test_a_speed_fits_its_position_in_every_unit_and_in_no_other(unit, tool, tmp_path):
     factors = {'rad/s': 1.0, 'deg/s': 180.0 / np.pi, 'turn/s': 0.5 / np.pi, 'rpm': 30.0 / np.pi,
-               'counts/s': 500.0 / np.pi, 'm/s': 1.0, 'mm/s': 1e3}
-    linear = unit in ('m/s', 'mm/s')
+               'counts/s': 500.0 / np.pi, 'm/s': 1.0, 'mm/s': 1e3, 'mm/min': 6e4}
+    linear = unit in ('m/s', 'mm/s', 'mm/min')
     path = csv(tmp_path / 'log.csv', t=T, q=Q, qd=factors[unit] * QD, tau=TAU)
     for said, right in ((unit, True), ('mm/s' if unit == 'm/s' else 'm/s' if linear else
                                        'rpm' if unit == 'rad/s' else 'rad/s', False)):
@@ -285,6 +292,9 @@ def test_a_table_that_has_nothing_in_the_part_that_is_meant_is_refused(tool, tmp
     ("position='q (rad)':rad torque='load [mNm]':mNm", []),
     ('position=2:rad velocity=speed_rpm:rad/s torque=tau:Nm', ['says rpm']),
     ('position=pos_m:rad torque=turn_A:Nm', []),
+    ("position='pos [m]':mm torque='current (A)':N", ['says m', 'says A']),
+    ("position='q [°]':0.1deg torque='load [%]':N*m", ['says %']),
+    ("position='q (raw)':0.1deg torque='load_mA':2.69mA", []),
     ('time=t_ms:s position=rad_or_deg:deg torque=degree:Nm', ['says ms'])])
 def test_a_column_whose_name_says_another_unit_is_told(columns, told):
     found = named_otherwise(chosen_columns(columns))
@@ -484,6 +494,47 @@ def test_a_current_is_torque_by_the_gain_of_the_robot_file(given, words, tool, t
     assert f'torque: {factor * TAU.min():.4g} to {factor * TAU.max():.4g} N m' in told.out
 
 
+def test_a_share_is_torque_by_the_rated_torque_of_the_robot_file(tool, tmp_path):
+    (tmp_path / 'robot.yaml').write_text('schema: par4/axis/1\nname: a\njoint: a\nkind: revolute\n'
+                                         'rated_torque: 2.4\n')
+    path = csv(tmp_path / 'log.csv', t=T, q=Q, load=TAU)
+    words = (path, '--columns', 'time=t:s position=q:rad torque=load:%', '--robot',
+             tmp_path / 'robot.yaml', '--output', tmp_path / 'bag')
+    told = tool(*words, '--rated-torque', 2.5)
+    assert told.code == 2
+    assert '--rated-torque 2.5: the robot file says 2.4 N m at the joint, 0.96 times' in told.err
+    told = tool(*words)
+    assert told.code == 0, told.err
+    assert f'torque: {0.024 * TAU.min():.4g} to {0.024 * TAU.max():.4g} N m' in told.out
+
+
+@pytest.mark.parametrize(('kind', 'columns', 'words'), [
+    ('revolute', 'position=q:mm torque=tau:N',
+     'position in mm is of one that slides, {} says a joint that turns; mend kind in the robot '
+     'file, or --columns\n'),
+    ('linear', 'position=q:deg torque=tau:Nm',
+     'position in deg is of a joint that turns, {} says one that slides; mend kind in the robot '
+     'file, or --columns: of an encoder on the motor give the way of a count, such as '
+     'position=2:0.5um\n')])
+def test_a_unit_of_the_other_kind_of_axis_is_refused(kind, columns, words, tool, tmp_path):
+    robot = tmp_path / 'robot.yaml'
+    robot.write_text(f'schema: par4/axis/1\nname: a\njoint: a\nkind: {kind}\n')
+    told = tool(csv(tmp_path / 'log.csv', t=T, q=Q, tau=TAU), '--columns', f'time=t:s {columns}',
+                '--robot', robot, '--output', tmp_path / 'bag')
+    assert told.code == 2
+    assert told.err == f'error: {words.format(robot)}'
+
+
+def test_a_counter_goes_on_whose_unit_turns_its_sign(tmp_path):
+    counter = np.round(-Q * 1e3) % 256
+    path = csv(tmp_path / 'log.csv', t=T, q=counter, tau=TAU)
+    measured = measured_of_files(
+        [path], chosen_columns('time=t:s position=q:-0.001rad torque=tau:Nm'),
+        part=Part(wraps_after=256.0))
+    way = measured.values['position'][:, 0]
+    np.testing.assert_allclose(way - way[0], Q - Q[0], atol=1.1e-3)
+
+
 def test_a_number_that_its_unit_makes_infinite_is_none(tmp_path):
     turns = Q / (2.0 * np.pi)
     turns[100] = 1e308
@@ -674,8 +725,14 @@ def test_lengths_that_start_again_go_on(tmp_path):
     ('q:rad', "'q:rad' is not QUANTITY=COLUMN:UNIT"),
     ('angle=q:rad', 'angle: unknown; columns are time, position'),
     ('position=q:grad', "position: unit 'grad' is unknown; give one of rad, deg"),
-    ('position=q:rad torque=tau:permille', 'a share of the rated torque, such as per mille, is '
-                                           'given as A, with a --motor-gain of'),
+    ('position=q:rad torque=tau:counts', "torque: unit 'counts' is unknown; give one of Nm, mNm, "
+     'N, A, mA, %, permille, or how much of one it is, such as 2.69mA'),
+    ('position=q:0deg torque=tau:Nm', "position: unit '0deg' is unknown"),
+    ('position=q:1e99deg torque=tau:Nm', "position: unit '1e99deg' is unknown"),
+    ('time=t:-1s position=q:deg torque=tau:Nm', "time: unit '-1s' is unknown"),
+    ('time=t:2iso position=q:deg torque=tau:Nm', "time: unit '2iso' is unknown"),
+    ('position=q:rad current=i:A', 'columns are time, position, velocity, torque, voltage, and a '
+                                   'current is a torque in A'),
     ('position=q:rad', 'found position; needed are position and torque or voltage'),
     ('position=q:rad position=p:rad torque=3:Nm', 'position is given twice'),
     ('position=1,2:rad torque=3:Nm', 'torque has 1 columns, expected 2, as position has'),
@@ -702,10 +759,20 @@ def test_columns_that_make_no_sense_are_refused(columns, words):
     (('--columns', COLUMNS, '--joints', 'a', '--rate', 500), 'not both'),
     (('--columns', 'position=q:rad torque=tau:Nm', '--joints', 'a'), 'or --rate in Hz'),
     (('--columns', 'time=t:s position=q:rad torque=current:A', '--joints', 'a'),
-     '--motor-gain has 0 numbers, give one'),
+     'torque in A: give --motor-gain, the torque at the joint per ampere'),
+    (('--columns', 'time=t:s position=q:rad torque=tau:%', '--joints', 'a'),
+     'torque in %: give --rated-torque, the rated torque at the joint, N m (on a slide N), that of '
+     'the nameplate times the gear ratio; or write it into the robot file as rated_torque; where '
+     'nobody knows it, 100 gives torques in percent'),
+    (('--columns', 'time=t:s position=q:counts torque=tau:Nm', '--joints', 'a'),
+     'position in counts: give --counts-per-turn, the counts of the encoder for one turn of the '
+     'joint, behind its gear; of a slide give the way of a count instead, such as '
+     'position=2:0.5um'),
+    (('--columns', COLUMNS, '--joints', 'a', '--rated-torque', 2.4),
+     '--rated-torque is for % or permille, found time in s'),
     (('--columns', 'time=t:s position=q:rad torque=tau:A', '--joints', 'a'),
-     'give one: torque at the joint per ampere, N m/A (on a slide N/A), that of the nameplate '
-     'times the gear ratio; or write it into the robot file as motor_gain'),
+     'N m/A (on a slide N/A), that of the nameplate times the gear ratio; or write it into the '
+     'robot file as motor_gain'),
     (('--columns', 'time=t:s position=q:counts torque=tau:Nm', '--joints', 'a',
       '--counts-per-turn', '8,9'), '--counts-per-turn has 2 numbers'),
     (('--columns', COLUMNS, '--joints', 'a', '--counts-per-turn', 4096),

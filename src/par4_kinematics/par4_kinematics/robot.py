@@ -141,6 +141,7 @@ class Axis(FileModel):
         gear_ratio: turns of the motor for one turn of the joint, or None.
         pole_pairs: of the motor, or None.
         motor_gain: torque or force at the joint per ampere, N m/A or N/A, or None.
+        rated_torque: torque or force at the joint of which a drive logs a share, N m or N, or None.
     """
 
     page: ClassVar[str] = PAGE
@@ -153,6 +154,7 @@ class Axis(FileModel):
     gear_ratio: StrictFloat | None = Field(None, gt=0)
     pole_pairs: Whole | None = Field(None, ge=1)
     motor_gain: StrictFloat | None = Field(None, gt=0)
+    rated_torque: StrictFloat | None = Field(None, gt=0)
 
     @property
     def joint_names(self) -> tuple[str, ...]:

@@ -90,6 +90,8 @@ AXIS_KEYS = {
     'pole_pairs': ('', 'of the motor', _ORDERS),
     'motor_gain': ('N m/A or N/A', 'torque or force at the joint, behind the gear, per ampere',
                    '`par4_bag`, for columns in A or mA'),
+    'rated_torque': ('N m or N', 'torque or force at the joint, behind the gear, of which a drive '
+                     'logs a share', '`par4_bag`, for columns in % or permille'),
 }
 """Key of an axis file -> unit, what it is, what uses it."""
 TURNING = """\

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from par4_identification.logs.units import HIGHEST_RATE_HZ, LOWEST_RATE_HZ
+from par4_identification.logs.units import HIGHEST_RATE_HZ, LOWEST_RATE_HZ, UNITS
 from par4_sim.choices import STORAGES
 from par4_sim.commands.entry import loading, run
 from par4_sim.commands.numbers import ANY_SIGN, Number, Numbers
@@ -22,9 +22,9 @@ from par4_sim.commands.numbers import ANY_SIGN, Number, Numbers
 @click.option('--columns', required=True, metavar="'QUANTITY=COLUMN:UNIT ...'",
               help='what the columns are: time, position (of a single axis without one its '
                    'velocity), velocity, torque, voltage; a column by its name or its number from '
-                   '1, those of several joints as a,b,c,d or 2-5; units s ms us ns, for dates and '
-                   'times of day iso dmy mdy clock, rad deg turn counts m mm, rad/s deg/s turn/s '
-                   'rpm counts/s m/s mm/s, Nm mNm N A mA, V mV')
+                   '1, those of several joints as a,b,c,d or 2-5; units '
+                   + ', '.join(' '.join(units) for units in UNITS.values())
+                   + ', or how much of one, such as 0.088deg')
 @click.option('--output', required=True, type=click.Path(path_type=Path), metavar='BAG')
 @click.option('--robot', default=None,
               help='robot.yaml or built-in name: names the joints, and the columns must fit it')
@@ -39,6 +39,8 @@ from par4_sim.commands.numbers import ANY_SIGN, Number, Numbers
               help='of the joint, behind its gear, for counts')
 @click.option('--motor-gain', default=(), type=Numbers(),
               help='N m/A or N/A at the joint, for amperes')
+@click.option('--rated-torque', default=(), type=Numbers(),
+              help='N m or N at the joint, for % and permille')
 @click.option('--between', default=None, type=(ANY_SIGN, ANY_SIGN), metavar='START END',
               help='only the samples between these times of the file, s')
 @click.option('--unwrap', is_flag=True, help='positions that jump by whole turns go on')

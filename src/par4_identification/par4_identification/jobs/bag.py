@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from rich.console import Console
@@ -29,8 +30,8 @@ ALIKE = 0.01
 def make_bag(files: tuple[str, ...], columns: str, output: Path, robot: str | None,
              joints: str | None, array: str | None, rate: float | None,
              counts_per_turn: tuple[float, ...], motor_gain: tuple[float, ...],
-             between: tuple[float, float] | None, unwrap: bool, wraps_after: float | None,
-             storage: str) -> None:
+             rated_torque: tuple[float, ...], between: tuple[float, float] | None, unwrap: bool,
+             wraps_after: float | None, storage: str) -> None:
     """Make a bag of FILES: CSV, .npz or .mat, parts of one recording in order.
 
     Files with different columns and a time of the same name are put beside each other.
@@ -49,14 +50,20 @@ def make_bag(files: tuple[str, ...], columns: str, output: Path, robot: str | No
     if not start < end:
         raise InputError(f'--between {start:g} {end:g}: ends before it has begun; give the earlier '
                          f'time first')
-    scales = Scales(counts_per_turn, gain_of_motor(motor_gain, choices, machine))
+    scales = Scales(counts_per_turn, scale_of('motor_gain', motor_gain, choices, machine),
+                    scale_of('rated_torque', rated_torque, choices, machine))
     with Console(stderr=True).status('reading the files') as status:
         measured = measured_of_files(files, choices, scales,
                                      Part(array, rate, start, end, unwrap, wraps_after))
         kind = machine.kind if isinstance(machine, Axis) else 'revolute'
         if machine is not None and measured.kind != kind:
-            raise InputError(f'{motion.quantity} in {motion.unit}: {robot} has {kind} joints; mend '
-                             f'--columns or the robot file')
+            turns, slides = 'a joint that turns', 'one that slides'
+            found, own = (slides, turns) if measured.kind == 'linear' else (turns, slides)
+            raise InputError(
+                f'{motion.quantity} in {motion.unit} is of {found}, {robot} says {own}; mend kind '
+                f'in the robot file, or --columns'
+                + ('' if kind == 'revolute' else ': of an encoder on the motor give the way of a '
+                   'count, such as position=2:0.5um'))
         counts = write_measured(measured, names, output, storage, lambda share: status.update(
             f'writing {output}: {share:.0%}'))
     written = ', '.join(f'{topic} {count}' for topic, count in counts.items())
@@ -65,22 +72,23 @@ def make_bag(files: tuple[str, ...], columns: str, output: Path, robot: str | No
         f'{output}: {written} of {", ".join(names)}', whole=True)
 
 
-def gain_of_motor(given: tuple[float, ...], choices: dict[str, Choice],
-                  machine: Robot | Axis | None) -> tuple[float, ...]:
-    """Return the torque at the joint per ampere: as given, or else that of the robot file.
+def scale_of(name: Literal['motor_gain', 'rated_torque'], given: tuple[float, ...],
+             choices: dict[str, Choice], machine: Robot | Axis | None) -> tuple[float, ...]:
+    """Return a number of the machine that units of torques need: as given, or of the robot file.
 
     Raises:
         InputError: the two differ.
     """
-    if (not isinstance(machine, Axis) or machine.motor_gain is None
-            or all(choice.meaning.scale != 'motor_gain' for choice in choices.values())):
+    known = getattr(machine, name, None)
+    if known is None or all(choice.meaning.scale != name for choice in choices.values()):
         return given
-    known, gears = machine.motor_gain, machine.gear_ratio
     if given and not np.allclose(given, known, rtol=ALIKE):
-        ratio = known / given[0]
+        assert isinstance(machine, Axis)
+        ratio, gears = known / given[0], machine.gear_ratio
         behind = gears is not None and np.isclose(ratio, gears, rtol=ALIKE)
+        unit = unit_on(machine, 'N m') + ('/A' if name == 'motor_gain' else '')
         raise InputError(
-            f'--motor-gain {given[0]:g}: the robot file says {known:g} {unit_on(machine, "N m")}/A '
+            f'--{name.replace("_", "-")} {given[0]:g}: the robot file says {known:g} {unit} '
             + ('at the joint, behind its gear' if behind else
                f'at the joint, {ratio:.3g} times as much')
             + '; leave the option out, or mend the file')

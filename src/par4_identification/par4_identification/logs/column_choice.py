@@ -13,17 +13,20 @@ from itertools import combinations
 import numpy as np
 
 from par4_identification.logs.log_table import of_table
-from par4_identification.logs.units import UNITS, Unit, unit_named
+from par4_identification.logs.units import UNITS, Unit, plain_unit, unit_named
 from par4_kinematics.errors import InputError
 
 EXAMPLE = 'time=1:ms position=angle:deg torque=current:A'
 MOST_COLUMNS = 1000
 """In a span of columns."""
 MISSING = {
-    'counts_per_turn': 'counts of the encoder for one turn of the joint, behind its gear; of a '
-                       'slide give m or mm',
-    'motor_gain': 'torque at the joint per ampere, N m/A (on a slide N/A), that of the nameplate '
-                  'times the gear ratio; or write it into the robot file as motor_gain'}
+    'counts_per_turn': 'the counts of the encoder for one turn of the joint, behind its gear; of a '
+                       'slide give the way of a count instead, such as position=2:0.5um',
+    'motor_gain': 'the torque at the joint per ampere, N m/A (on a slide N/A), that of the '
+                  'nameplate times the gear ratio; or write it into the robot file as motor_gain',
+    'rated_torque': 'the rated torque at the joint, N m (on a slide N), that of the nameplate '
+                    'times the gear ratio; or write it into the robot file as rated_torque; where '
+                    'nobody knows it, 100 gives torques in percent'}
 """What a number of the machine is, where it is missing."""
 WORDS = ('turn',)
 """Units that names of columns have in another meaning."""
@@ -58,10 +61,12 @@ class Scales:
     Attributes:
         counts_per_turn: of the joint, behind its gear.
         motor_gain: torque at the joint per ampere, N m/A or N/A, (24) with a current for a voltage.
+        rated_torque: of which torques are a share, at the joint, N m or N.
     """
 
     counts_per_turn: tuple[float, ...] = ()
     motor_gain: tuple[float, ...] = ()
+    rated_torque: tuple[float, ...] = ()
 
 
 def chosen_columns(text: str) -> dict[str, Choice]:
@@ -130,15 +135,18 @@ def motion_of(choices: dict[str, Choice]) -> Choice:
 def named_otherwise(choices: dict[str, Choice]) -> list[str]:
     """Return a line for each column whose name says another unit than it is read in.
 
-    Single letters say none: the m in `pos_m` may be the motor.
+    Single letters say none, the m in `pos_m` may be the motor, unless they stand in brackets.
     """
     lines = []
     for choice in choices.values():
-        known = [unit for unit in UNITS[choice.quantity] if len(unit) > 1 and unit not in WORDS]
+        units = UNITS[choice.quantity]
         for column in choice.columns:
-            said = [word for word in re.findall(r'[A-Za-z]+(?:/[A-Za-z]+)?', column)
-                    if word in known]
-            if said and choice.unit.replace(' ', '') not in said:
+            words = re.findall(r'[A-Za-z]+(?:/[A-Za-z]+)?', column)
+            said = [word for word in words
+                    if word in units and len(word) > 1 and word not in WORDS]
+            said += [plain_unit(text) for text in re.findall(r'[\[(]([^\[\]()]+)[\])]', column)
+                     if plain_unit(text) in units]
+            if said and plain_unit(choice.unit) not in said:
                 lines.append(f'{choice.quantity}: column {column!r} is read in {choice.unit}, its '
                              f'name says {said[-1]}; if it is right, give {choice.quantity}='
                              f'{column}:{said[-1]}')
@@ -195,9 +203,11 @@ def si_factors(choice: Choice, scales: Scales, joints: int) -> np.ndarray:
         return np.full(1 if choice.quantity == 'time' else joints, unit.factor)
     given = getattr(scales, unit.scale)
     option = '--' + unit.scale.replace('_', '-')
+    if not given:
+        raise InputError(f'{choice.quantity} in {choice.unit}: give {option}, '
+                         f'{MISSING[unit.scale]}')
     if len(given) not in (1, joints):
         raise InputError(f'{choice.quantity} in {choice.unit}: {option} has {len(given)} numbers, '
-                         f'give one' + (f' or {joints}' if joints > 1 else '')
-                         + ('' if given else f': {MISSING[unit.scale]}'))
+                         f'give one' + (f' or {joints}' if joints > 1 else ''))
     scale = np.broadcast_to(np.array(given), (joints,))
-    return unit.factor * scale if unit.scale == 'motor_gain' else unit.factor / scale
+    return unit.factor / scale if unit.scale == 'counts_per_turn' else unit.factor * scale

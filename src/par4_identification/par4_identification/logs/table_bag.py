@@ -325,7 +325,8 @@ def _wrapping(part: Part, motion: Choice, factors: np.ndarray) -> np.ndarray:
     if not fitting:
         raise InputError(f'{option} is for joints that turn; these positions are lengths, for '
                          f'which --wraps-after says what they jump by')
-    return np.full(len(factors), TURN) if part.wraps_after is None else part.wraps_after * factors
+    return (np.full(len(factors), TURN) if part.wraps_after is None
+            else part.wraps_after * np.abs(factors))
 
 
 def _integral(velocity: np.ndarray, time: np.ndarray) -> np.ndarray:
