@@ -181,6 +181,8 @@ def test_it_is_told_in_tables_and_a_line_a_tool(bags):
     told = run(bag_command, '--inspect', bags / 'whole')
     assert (told.code, told.err) == (0, '')
     assert max(map(len, told.out.splitlines()[:14])) <= 80 + len(str(bags))
+    for heading in ('from, rad', 'to, rad', 'speed, rad/s'):
+        assert heading in told.out
     for tool in ('identify: yes, ', 'validate: yes, ', 'diagnose: yes, ', 'trend: yes, ',
                  'monitor: weakly, '):
         assert sum(line.startswith(tool) for line in told.out.splitlines()) == 1, tool

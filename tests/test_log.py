@@ -422,7 +422,7 @@ def test_messages_that_name_a_joint_twice_are_counted_and_not_used(tmp_path):
     log = read_log(tmp_path / 'bag', ROBOT)
     assert_true(log, 1e-8)
     assert (log.accounts.position.named_twice, log.accounts.position.incomplete) == (3, 0)
-    assert '/joint_states: 3 of 2000 samples name a joint more than once, dropped' in (
+    assert 'positions: 3 of 2000 samples name a joint more than once, dropped' in (
         log.accounts.findings())
     with BagWriter(tmp_path / 'all') as writer:
         write(writer, '/joint_states', even(), position, names=doubled)
@@ -444,13 +444,15 @@ def test_missing_joints_are_named(tmp_path):
     with BagWriter(tmp_path / 'bag') as writer:
         write(writer, '/joint_states', even(200), true_position(even(200))[:, :3],
               names=('arm_joint_0', 'axis_1', 'arm_joint_2'))
-    with pytest.raises(InputError, match=r'lacks arm_joint_1, arm_joint_3 .*holds arm_joint_0, '
-                                         r'arm_joint_2, axis_1; name the joints'):
+    with pytest.raises(InputError, match=r'has no position of arm_joint_1, arm_joint_3, .*'
+                                         r'/joint_states holds arm_joint_0, arm_joint_2, axis_1; '
+                                         r'give the robot file of this machine by --robot, or '):
         read_log(tmp_path / 'bag', ROBOT)
     with BagWriter(tmp_path / 'torque') as writer:
         write(writer, '/joint_states', even(200), true_position(even(200)))
         write(writer, '/amplifier_voltage', even(200), effort=np.ones((200, 1)), names=('motor',))
-    with pytest.raises(InputError, match=r'/amplifier_voltage lacks arm_joint_0, .*holds motor'):
+    with pytest.raises(InputError, match=r'no voltage of arm_joint_0, .*/amplifier_voltage '
+                                         r'holds motor'):
         read_log(tmp_path / 'torque', ROBOT)
 
 
@@ -808,7 +810,7 @@ def test_a_reading_that_wraps_round_is_put_together(tmp_path, turn):
     wraps = np.count_nonzero(np.abs(np.diff(wrapped[:, 1])) > 0.5 * turn)
     assert log.bag_accounts.wraps == {JOINT_NAMES[1]: wraps}
     said, = log.bag_accounts.of_clocks()
-    assert f'{JOINT_NAMES[1]} on /joint_states jumps by a whole turn {wraps} times' in said
+    assert f'the position of {JOINT_NAMES[1]} jumps by a whole turn {wraps} times' in said
     assert log.bag_accounts.jumps == ()
 
 

@@ -90,7 +90,8 @@ def test_a_par4_comes_back_from_foreign_units(tool, tmp_path):
                 tmp_path / 'bag')
     assert told.code == 0, told.err
     assert 'look at this' not in told.out
-    assert f'joint_states {len(motion.t)}, amplifier_voltage {len(motion.t)}' in told.out
+    samples = f'{len(motion.t)} samples of {", ".join(JOINT_NAMES)} (position, voltage, torque)'
+    assert samples in ' '.join(told.out.split())
     log = read_log(tmp_path / 'bag', REFERENCE)
     assert log.accounts.findings() == ()  # efforts and voltages agree
     assert log.accounts.torque_source == 'amplifier_voltage'
@@ -204,7 +205,7 @@ def test_a_stamp_that_is_repeated_in_one_of_two_tables_takes_nothing_apart(tool,
                 tmp_path / 'bag')
     assert told.code == 0, told.err
     assert f'position: {len(T) + 1} rows' in told.out
-    assert f'joint_states {len(T) + 1} of' in told.out  # no row takes the place of another
+    assert f'bag: {len(T) + 1} samples of motor' in told.out  # no row takes the place of another
     assert f'torque: {len(T)} rows' in told.out
     assert told.out.count('at 500 Hz') == 2
     assert told.out.count('0 gaps') == 2

@@ -318,7 +318,8 @@ def test_a_payload_is_dated_and_bad_bags_are_said_one_by_one(bags, tmp_path, mon
     assert done.code == 0, done.err
     assert f'not used: {good[0]}: given twice; it counts once' in done.out
     assert done.out.count('not used: ') == len(bad) + 1  # the date that is missing goes first
-    assert ('so it has no date; record with the wall clock, or simulate with par4_simulate --date'
+    assert ('so it has no date; record with the wall clock, give par4_bag times with dates, or '
+            'simulate with par4_simulate --date'
             in ' '.join(done.out.split()))
     result = json.loads((output / 'trend.json').read_text(encoding='utf-8'))
     assert result['schema'] == 'par4/trend/1'

@@ -64,12 +64,12 @@ def make_bag(files: tuple[str, ...], columns: str, output: Path, robot: str | No
                 f'in the robot file, or --columns'
                 + ('' if kind == 'revolute' else ': of an encoder on the motor give the way of a '
                    'count, such as position=2:0.5um'))
-        counts = write_measured(measured, names, output, storage, lambda share: status.update(
+        write_measured(measured, names, output, storage, lambda share: status.update(
             f'writing {output}: {share:.0%}'))
-    written = ', '.join(f'{topic} {count}' for topic, count in counts.items())
     say(*measured.account(), *(f'look at this: {finding}' for finding in (
         *named_otherwise(choices), *measured.findings())),
-        f'{output}: {written} of {", ".join(names)}', whole=True)
+        f'{output}: {len(measured.stamp)} samples of {", ".join(names)} '
+        f'({", ".join(measured.values)})', whole=True)
 
 
 def scale_of(name: Literal['motor_gain', 'rated_torque'], given: tuple[float, ...],

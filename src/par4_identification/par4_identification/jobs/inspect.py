@@ -11,7 +11,8 @@ from rich.console import Console
 from rich.table import Table
 
 from par4_identification.inspection.inspection import Inspection, inspect_bag
-from par4_kinematics.robot import read_machine
+from par4_kinematics.machine_units import unit_on
+from par4_kinematics.robot import Axis, Robot, read_machine
 from par4_sim.report.results import plain
 from par4_sim.report.terminal import print_table, say
 
@@ -24,10 +25,10 @@ def inspect(bag: Path, robot: str, namespace: str | None, as_json: bool) -> None
     if as_json:
         print(json.dumps(plain(found.to_json()), indent=2))
         return
-    _show(found)
+    _show(found, machine)
 
 
-def _show(found: Inspection) -> None:
+def _show(found: Inspection, machine: Robot | Axis) -> None:
     length = '' if found.duration is None else f', {found.duration:.4g} s'
     say(f'{found.bag}: read as a recording of {found.machine}{length}')
     if found.cut_off is not None:
@@ -42,14 +43,16 @@ def _show(found: Inspection) -> None:
     rows = []
     for joint in found.joints:
         motion = moves.get(joint.name)
-        also = [name for name in ('velocity', 'effort') if getattr(joint, name)]
+        also = [said for name, said in (('velocity', 'velocity'), ('effort', 'torque'))
+                if getattr(joint, name)]
         rows.append((joint.name, str(joint.samples), _number(joint.lowest),
                      _number(joint.highest),
                      '' if motion is None else f'{motion.peak_speed:.3g}',
                      '' if motion is None else f'{motion.seconds:.3g} s', ', '.join(also)))
     if rows:
-        print_table(_table(('joint', 'samples', 'from', 'to', 'speed', 'moves', 'also'),
-                           (1, 2, 3, 4, 5), rows))
+        way, speed = unit_on(machine, 'rad'), unit_on(machine, 'rad/s')
+        print_table(_table(('joint', 'samples', f'from, {way}', f'to, {way}', f'speed, {speed}',
+                            'moves', 'also'), (1, 2, 3, 4, 5), rows))
     for finding in found.findings:
         say(f'look at this: {finding}')
     reasons = {item.reason for item in found.fitness}

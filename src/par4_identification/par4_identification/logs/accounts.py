@@ -56,6 +56,22 @@ class SampleCounts:
     period: float
     jitter_rms: float
 
+    def findings(self) -> tuple[str, ...]:
+        """Return what was repaired or dropped, in words; nothing for good samples."""
+        found = [f'{count} of {self.read} samples {words}' for count, words in (
+            (self.incomplete, 'lack some of the joints, dropped'),
+            (self.named_twice, 'name a joint more than once, dropped'),
+            (self.not_stamped, 'without stamp, dropped'),
+            (self.repeated, 'repeated, dropped'),
+            (self.conflicting, 'with the stamp of another but other values, dropped'),
+            (self.crowded, 'closer than a quarter of a period to another, dropped'),
+            (self.not_finite, 'not finite, dropped'),
+            (self.out_of_order, 'out of order, sorted in')) if count]
+        if self.gaps:
+            found.append(f'{self.gaps} gaps, the longest {self.longest_gap:.4g} s, about '
+                         f'{self.lost} samples lost')
+        return tuple(found)
+
 
 @dataclass(frozen=True)
 class Accounts:
@@ -147,22 +163,22 @@ class Accounts:
                          'fewer are left out')
         found += [f'two machines or simulations talk on {self.position.topic} from {start:.4g} to '
                   f'{end:.4g} s; that stretch is left out' for start, end in self.mixed]
-        found += [f'the position of {joint} on {self.position.topic} jumps by a whole turn '
+        found += [f'the position of {joint} jumps by a whole turn '
                   f'{count} time{"s" if count > 1 else ""}, as a reading that wraps round; put '
                   'together' for joint, count in self.wraps.items()]
-        found += [f'the position of {joint} on {self.position.topic} jumps {count} times by '
+        found += [f'the position of {joint} jumps {count} times by '
                   f'{way:.5g} {unit}, as a counter that starts again; put together'
                   for joint, (count, way, unit) in self.restarts.items()]
-        found += [f'the position of {joint} on {self.position.topic} '
-                  f'{clipped_words(levels, share, unit)}; these samples are left out, and the log '
-                  f'is cut there; widen the range of what carries it, or move less far'
+        found += [f'the position of {joint} {clipped_words(levels, share, unit)}; these samples '
+                  f'are left out, and the log is cut there; widen the range of what carries it, or '
+                  f'move less far'
                   for joint, (share, levels, unit) in self.clipped.items()]
         if self.jumps:
             more = f' and {len(self.jumps) - 1} times more' if len(self.jumps) > 1 else ''
-            found.append(f'positions on {self.position.topic} jump within a sample at '
-                         f'{self.jumps[0]:.4g} s{more}, as where two recordings are joined or '
-                         f'samples are missing without a gap in the stamps; the log is cut there')
-        found += [f'the {name} on {counts.topic} {held_words(self.held[name], counts.period)}; '
+            found.append(f'positions jump within a sample at {self.jumps[0]:.4g} s{more}, as where '
+                         f'two recordings are joined or samples are missing without a gap in the '
+                         f'stamps; the log is cut there')
+        found += [f'the {name} {held_words(self.held[name], counts.period)}; '
                   f'only its changes are used, at {1.0 / self.period:.3g} Hz; have the {name} sent '
                   f'as often as the log is written'
                   for name, counts in (('position', self.position), ('torque', self.torque))
@@ -181,21 +197,11 @@ class Accounts:
 
     def findings(self) -> tuple[str, ...]:
         """Return what was repaired, dropped or suspicious, in words; nothing for a good bag."""
-        found = []
-        for samples in (self.position, self.torque):
-            found += [f'{samples.topic}: {count} of {samples.read} samples {words}'
-                      for count, words in (
-                (samples.incomplete, 'lack some of the joints, dropped'),
-                (samples.named_twice, 'name a joint more than once, dropped'),
-                (samples.not_stamped, 'without stamp, dropped'),
-                (samples.repeated, 'repeated, dropped'),
-                (samples.conflicting, 'with the stamp of another but other values, dropped'),
-                (samples.crowded, 'closer than a quarter of a period to another, dropped'),
-                (samples.not_finite, 'not finite, dropped'),
-                (samples.out_of_order, 'out of order, sorted in')) if count]
-            if samples.gaps:
-                found.append(f'{samples.topic}: {samples.gaps} gaps, the longest '
-                             f'{samples.longest_gap:.4g} s, about {samples.lost} samples lost')
+        said: dict[str, list[str]] = {}
+        for name, samples in (('positions', self.position), ('torques', self.torque)):
+            for words in samples.findings():
+                said.setdefault(words, []).append(name)
+        found = [f'{" and ".join(names)}: {words}' for words, names in said.items()]
         found += [f'{topic}: {count} messages cannot be decoded, ignored'
                   for topic, count in self.unreadable.items()]
         # at either end one topic may begin or end a sample before the other: nothing is missing
@@ -212,19 +218,18 @@ class Accounts:
             found.append(f'uneven stamps (spacing +- {self.position.jitter_rms:.3g} s rms), '
                          f'resampled every {self.period:.6g} s')
         if self.interpolated:
-            found.append(f'{self.interpolated} of {self.position.read} samples on '
-                         f'{self.position.topic} lie to the last digit on the line between their '
-                         f'neighbours, torques too: whoever wrote the log filled them in; left '
-                         f'out; record what was measured')
+            found.append(f'{self.interpolated} of {self.position.read} positions lie to the last '
+                         f'digit on the line between their neighbours, torques too: whoever wrote '
+                         f'the log filled them in; left out; record what was measured')
         if self.jitter:
-            found.append(f'the stamps of {self.position.topic} jitter by '
+            found.append(f'the stamps of the positions jitter by '
                          f'{1e3 * self.jitter:.2g} ms rms though the readings were taken evenly; '
                          f'put back every {1e3 * self.period:.4g} ms; stamp a reading when it is '
                          f'taken')
         found += self.of_torques()
         if self.reference not in ('absent', 'read'):
             found.append(f'{REFERENCE.name} ignored: {self.reference}')
-        return tuple(dict.fromkeys(found))  # position and effort of one topic say the same
+        return tuple(found)
 
 
 def clipped_words(levels: Sequence[float], share: float, unit: str) -> str:

@@ -101,7 +101,7 @@ def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = No
     samples = ends[-1]
     if samples < FEWEST_SAMPLES:
         raise InputError(
-            f'{path}: {samples} usable samples of {position.counts.read} on {states.topic} '
+            f'{path}: {samples} usable samples of {position.counts.read} '
             f'({position.counts.not_finite} not finite, {cut.without_torque} without torque, '
             f'{cut.short} in segments shorter than {SHORTEST_SEGMENT}), at least {FEWEST_SAMPLES} '
             'are needed; record a longer bag')

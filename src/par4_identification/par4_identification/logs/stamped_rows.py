@@ -43,9 +43,10 @@ def stamped_rows(path: str | Path, samples: JointSamples, values: np.ndarray,
     known = {name for names in samples.layouts for name in names}
     missing = [joint for joint in joints if joint not in known]
     if missing:
-        raise InputError(f'{path}: {samples.topic} lacks {", ".join(missing)} ({quantity} wanted); '
-                         f'it holds {", ".join(sorted(known)) or "no joint"}; name the joints as '
-                         'the robot file does')
+        raise InputError(f'{path}: has no {quantity} of {", ".join(missing)}, as the robot file '
+                         f'names the joints; {samples.topic} holds '
+                         f'{", ".join(sorted(known)) or "no joint"}; give the robot file of this '
+                         'machine by --robot, or name the joints alike')
     named, twice = samples.names_count(joints), samples.names_twice(joints)
     if twice.any() and twice[named == len(joints)].all():
         which = [joint for joint in joints

@@ -374,9 +374,8 @@ def _refuse_rate(files: Sequence[str | Path], time: np.ndarray) -> None:
 
 
 def write_measured(measured: Measured, joints: Sequence[str], path: str | Path,
-                   storage: str = 'mcap', progress: Callable[[float], None] | None = None
-                   ) -> dict[str, int]:
-    """Write the bag and return the number of messages on each topic.
+                   storage: str = 'mcap', progress: Callable[[float], None] | None = None) -> None:
+    """Write the bag.
 
     Position, speed and torque go to `joint_states`, voltage to `amplifier_voltage`.
 
@@ -407,5 +406,3 @@ def write_measured(measured: Measured, joints: Sequence[str], path: str | Path,
                                       effort=values['voltage'][row], received=when)
             if progress and row % 1000 == 0:
                 progress(row / count)
-    return {JOINT_STATES.name: count,
-            **({AMPLIFIER_VOLTAGE.name: count} if 'voltage' in values else {})}

@@ -61,8 +61,8 @@ def _degrees(log: Log, robot: Robot) -> Mend | None:
         f'positions reach {number(largest, 3)}, which as radians is more than half a turn of an '
         f'arm, and as degrees {number(math.radians(largest), 3)} rad, with which the mechanism '
         'closes',
-        'Write positions in radians into joint_states: value in degrees * pi / 180.', True
-    ), lambda log: replace(log, q=np.radians(log.q))
+        'Log positions in radians, value in degrees * pi / 180, or give par4_bag the unit deg.',
+        True), lambda log: replace(log, q=np.radians(log.q))
 
 
 def _milliseconds(log: Log, robot: Robot) -> Mend | None:
@@ -83,5 +83,6 @@ def _milliseconds(log: Log, robot: Robot) -> Mend | None:
         f'samples are {number(log.period, 3)} s apart by their stamps, at which the joints would '
         f'move at {number(factor * fastest, 2)} rad/s; the stamps count {unit}, samples being '
         f'{number(1e3 * period, 3)} ms apart and speeds up to {number(fastest, 2)} rad/s',
-        'Fill sec and nanosec of the header stamp from seconds and nanoseconds.', True
+        'Fill sec and nanosec of the header stamp from seconds and nanoseconds, or give par4_bag '
+        'the unit of the time.', True
     ), lambda log: slowed(log, factor)

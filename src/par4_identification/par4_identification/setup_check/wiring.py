@@ -228,7 +228,8 @@ def wiring_findings(wiring: Wiring, before: float | None, after: float, physical
             'sign_reversed', joints, None,
             f'the {what} of {whose} {"have" if same else "has"} the wrong sign; turned over, '
             f'{gain}',
-            f'Turn the sign of the {what} of {whose} over where the messages are made; angles '
+            f'Turn the sign of the {what} of {whose} over where the log is made; par4_bag does so '
+            'where --columns has a minus before the unit, such as torque=2:-1Nm; angles '
             'count downwards, a positive torque drives a joint towards larger angles.', True))
     return found
 

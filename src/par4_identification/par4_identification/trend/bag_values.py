@@ -116,7 +116,8 @@ class BagValues:
 def without_date(start_stamp: int) -> str:
     """Return that a bag whose stamps begin at `start_stamp`, ns, has no date, and what to do."""
     return (f'its stamps begin {start_stamp / SECOND:.0f} s after 1970, so it has no date; record '
-            f'with the wall clock, or simulate with par4_simulate --date')
+            f'with the wall clock, give par4_bag times with dates, or simulate with par4_simulate '
+            f'--date')
 
 
 def values_of_bag(bag: str, machine: Robot | Axis, model_file: ModelFile | None = None,
