@@ -148,7 +148,7 @@ Where `periods` is one number, a list is one number a joint.
 
 
 def meaning_of(parameter: EffectParameter) -> str:
-    """Return unit, scope, number of values and default of a parameter in words."""
+    """Return unit, scope, number of values, default and meaning of a parameter in words."""
     unit = parameter.unit if parameter.other_unit is None else (
         f'{parameter.unit} or {parameter.other_unit}')
     whole = ', of the machine' if parameter.scope == 'machine' else ', of each joint'
@@ -160,7 +160,8 @@ def meaning_of(parameter: EffectParameter) -> str:
     optional = '' if default is None else (
         f', as `{default}` if not given' if isinstance(default, str)
         else f', {default:g} if not given')
-    return f'{unit}{whole}{numbers}{optional}'
+    meaning = f'; {parameter.meaning}' if parameter.meaning else ''
+    return f'{unit}{whole}{numbers}{optional}{meaning}'
 
 
 if __name__ == '__main__':

@@ -49,6 +49,7 @@ class EffectParameter:
         nonnegative: whether no plant takes it below zero. An estimate may come out there by chance.
         positive: whether no law has it at zero or below, such as a time constant. A model file with
             such a value is refused.
+        meaning: what it is, where its name does not say so.
     """
 
     name: str
@@ -64,6 +65,7 @@ class EffectParameter:
     at_unit_speed: bool = False
     nonnegative: bool = False
     positive: bool = False
+    meaning: str = ''
 
     @property
     def is_size(self) -> bool:

@@ -68,8 +68,12 @@ class ElasticTransmission(Effect):
     phrase = 'elasticity of the transmission'
     parameters = (
         EffectParameter('stiffness', 'N m/rad', 'joint', nonnegative=True),  # 0 is a rigid joint
-        EffectParameter('damping_ratio', '1', 'machine', default=DAMPING_RATIO, is_shape=True),
-        EffectParameter('motor_share', '1', 'machine', default=MOTOR_SHARE, is_shape=True))
+        EffectParameter('damping_ratio', '1', 'machine', default=DAMPING_RATIO, is_shape=True,
+                        meaning='how soon the load stops swinging on its spring: 0 is never, 1 is '
+                                'without a swing, at 0.05 each swing is 0.73 of the one before'),
+        EffectParameter('motor_share', '1', 'machine', default=MOTOR_SHARE, is_shape=True,
+                        meaning='part of the actuator inertia on the side of motor and encoder; '
+                                'the rest of it swings with the load'))
     shared = True
     separable = ((0,), (1,), (2,), (3,))
     needs_nominal = True

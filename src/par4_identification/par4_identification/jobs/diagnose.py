@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -204,12 +205,20 @@ def diagnose_bags(asked: Asked) -> None:
     if isinstance(answer.diagnosis, Diagnosis) and answer.changes is not None:
         say(errors_in_lines(answer.changes, answer.diagnosis, measured.machine), whole=True)
     say(f'{answer.verdict}: {outcome.sentence}',
-        *parameters_beside_causes(answer.diagnosis, measured.machine))
+        *parameters_beside_causes(answer.diagnosis, measured.machine),
+        *_reservations(outcome, answer.beside))
     say(f'results{" and report" if asked.report else ""}: {asked.output}', whole=True)
     if (isinstance(measured.machine, Robot) and answer.experiment is not None
             and answer.experiment.motion is not None):
         # which the proposed motion keeps
         say(*limits_not_given(measured.machine), whole=True)
+
+
+def _reservations(outcome: Outcome, told: Sequence[Remark]) -> list[str]:
+    """Return what weakens the answer and what to do about it, without what was told already."""
+    return [f'- {remark.text} {remark.advice}'.rstrip() for remark in outcome.remarks
+            if not remark.good and remark not in told
+            and remark.text.rstrip('.').lower() not in outcome.sentence.lower()]
 
 
 def _measured(asked: Asked, machine: Robot | Axis, believed: tuple[ModelFile, Model] | None,

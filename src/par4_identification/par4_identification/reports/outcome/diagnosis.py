@@ -119,7 +119,9 @@ def _phrases_of_unrelated(found: Unrelated) -> list[str]:
         phrases.append(f'a disturbance of {frequencies} Hz that follows nothing in the motion')
     if found.bursts:
         times = listed([f'{number(start, 3)} s' for start, _ in found.bursts[:3]])
-        phrases.append(f'{"a burst" if len(found.bursts) == 1 else "bursts"} of noise at {times}')
+        phrases.append(f'{"an error" if len(found.bursts) == 1 else "errors"} that '
+                       f'{"is" if len(found.bursts) == 1 else "are"} larger for a while from '
+                       f'{times} on')
     return phrases
 
 

@@ -225,9 +225,13 @@ def _remaining_remarks(diagnosis: Diagnosis, machine: Robot | Axis,
         spans = listed([f'{number(start, 3)} to {number(end, 3)} s'
                         for start, end in found.bursts[:5]])
         remarks.append(Remark(
-            False, f'The noise is larger for some time ({spans} of the data held out'
-            f'{", and more" if len(found.bursts) > 5 else ""}).',
-            'Look at what happened then; leave the stretch out or record again.'))
+            False, f'The error of the model is larger for a while ({spans} of the data held out'
+            f'{", and more" if len(found.bursts) > 5 else ""}), and nothing that was tried says '
+            f'why.',
+            'Look at what happened then: a push, a slip, a stop, another load; leave the stretch '
+            'out (--between of par4_bag) or record again. If nothing did, look at how the machine '
+            'moved: what shows in slow motions alone may be a periodic torque that elsewhere is '
+            'too quick for the filter; record a slow motion.'))
     beside = ', with what has no name taken off,' if diagnosis.unnamed else ''
     # the noise floor that the report gives is never louder than what is left
     excess = (f'{number(remaining.floor_excess, 2)} times' if remaining.floor_excess > 1.0

@@ -180,7 +180,8 @@ def outcome_of_identification(identification: Identification, floor: np.ndarray,
         return Outcome(f'{sentence}: good on average, but the machine does something that the '
                        f'model lacks.', 'fair', remarks)
     if not all(remark.good for remark in remarks):
-        return Outcome(f'{sentence}: usable, with the reservations below.', 'fair', remarks)
+        return Outcome(f'{sentence}: the model can be used; what weakens it stands below.', 'fair',
+                       remarks)
     return Outcome(f'{sentence}: the model can be trusted.', 'good', remarks)
 
 
