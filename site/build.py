@@ -28,7 +28,7 @@ LINKED = ('examples/axes/README.md', 'examples/driver/driver.py', 'examples/emps
           'src/par4_sim/rviz/par4.rviz', 'LICENSE')
 """Files that pages link to; the site has them as text."""
 SECTIONS = {
-    'Tutorials': ('first_ten_minutes', 'your_own_robot', 'fault_step_by_step',
+    'Tutorials': ('first_ten_minutes', 'one_axis', 'your_own_robot', 'fault_step_by_step',
                   'effect_of_your_own', 'cluster'),
     'Guides': ('identification', 'diagnosis', 'changes', 'trend', 'setup', 'measured', 'tracking',
                'hardware', 'workstation'),

@@ -216,7 +216,8 @@ One that slides:
 ```yaml
 {SLIDING}```
 
-[Measured machines](measured.md) has axes that were measured, and how their logs become bags.
+[A fault found on one axis](one_axis.md) uses such a file from the log to the cause;
+[measured machines](measured.md) has axes that were measured, and how their logs become bags.
 """
 
 

@@ -209,8 +209,8 @@ def _remaining_remarks(diagnosis: Diagnosis, machine: Robot | Axis,
         nearest = capital(phrase_on(machine, remaining.nearest.phrase))
         remarks.append(Remark(
             False, f'{nearest} would explain some of it, but does not pass as a cause.',
-            f'See among the rejected names why. {advice(remaining.nearest.name, experiment)}'
-            .strip()))
+            f'The rejected names in the report say why. '
+            f'{advice(remaining.nearest.name, experiment)}'.strip()))
     if remaining.swing_hz is not None:
         remarks.append(Remark(
             False, f'Most of what is left swings at {number(remaining.swing_hz, 2)} Hz and dies '
