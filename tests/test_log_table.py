@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from scipy.io import savemat
@@ -26,6 +28,9 @@ CSV = {
     'tabs': 't\tjoint angle\ttau\n' + text('\t'),
     'semicolons': 't;joint angle;tau\r\n' + text('; ').replace('\n', '\r\n'),
     'decimal commas': 't;joint angle;tau\n' + text(';').replace('.', ','),
+    'quoted decimal commas between commas': 't,joint angle,tau\n' + '\n'.join(
+        ','.join(f'"{cell}"' if ',' in cell else cell for cell in line.split(';'))
+        for line in text(';').replace('.', ',').splitlines()) + '\n',
     'spaces and decimal commas': 't joint_angle tau\n' + text('  ').replace('.', ','),
     'spaces, decimal commas and whole numbers': 't joint_angle tau\n' + text(
         ' ', SHORT).replace('.', ','),
@@ -194,6 +199,25 @@ def test_commas_among_points_are_no_decimal_commas(tmp_path):
     path = tmp_path / 'log.csv'
     path.write_text('0.5;1,000\n1.5;2,000\n', encoding='utf-8')
     with pytest.raises(InputError, match='1,000'):
+        read_columns(path, ('2',))
+
+
+def test_points_among_decimal_commas_part_thousands(tmp_path):
+    """A count of 1.234 was read as one and a bit among counts of 999."""
+    path = tmp_path / 'log.csv'
+    path.write_text('0,5;999\n1,5;1.234\n', encoding='utf-8')
+    with pytest.raises(InputError, match=re.escape(
+            "line 2, column 2: '1.234' is no number with a decimal comma, as others of the file "
+            'have; points between thousands are not read')):
+        read_columns(path, ('2',))
+
+
+def test_cells_with_units_are_told(tmp_path):
+    path = tmp_path / 'log.csv'
+    path.write_text('t;q\n0.0 s;1.5 deg\n0.1 s;1.6 deg\n', encoding='utf-8')
+    with pytest.raises(InputError, match=re.escape(
+            "no line of it holds numbers, such as '0.1 s;1.6 deg'; give a CSV whose cells are "
+            'numbers without units')):
         read_columns(path, ('2',))
 
 

@@ -772,6 +772,7 @@ def test_an_axis_has_signs_and_times_but_no_plugs_or_zeros(clean):
     # a negative inertia explains the torque as well
     assert 'which so far only negative masses or friction do' in check.findings[0].evidence
     assert 'instead of' not in check.findings[0].evidence
+    assert 'downwards' not in check.findings[0].mend  # as the angles of a Par4 count
     assert found(mistakes.recorded_late(log, 0.05), axis)[0] == [('delay', (0,))]
 
 

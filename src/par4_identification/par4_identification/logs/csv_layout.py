@@ -25,6 +25,8 @@ MOST_ABOVE = 10_000
 """Lines above the data that may hold its header."""
 UNIFORM = 20
 """Lines below the first of a table that have as many cells, or all to the end of the file."""
+LONGEST_SHOWN = 40
+"""Characters of a line or cell that an error shows."""
 CHUNK = 1 << 20
 """Characters that are read at a time."""
 EMPTY = {'', 'nan', 'na', 'n/a', '#n/a', '#na', 'null', 'none'}
@@ -77,6 +79,8 @@ class Layout:
         if _is_empty(cell):
             return np.nan
         cell = cell.partition(' #')[0]
+        if self.decimal_comma and '.' in cell:
+            raise ValueError('points part thousands')
         return float(cell.replace(',', '.') if self.decimal_comma else cell)
 
     def date(self, cell: str, unit: str) -> float:
@@ -120,7 +124,15 @@ def layout_of(path: Path, wanted: Collection[str] = (), dates: Collection[str] =
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f'{path}: cannot be read as text ({why_no_text(error)}); give a CSV, .npz '
                          f'or .mat file') from error
-    raise InputError(f'{path}: no line of it holds numbers; give a CSV, .npz or .mat file')
+    raise InputError(f'{path}: no line of it holds numbers{_shown(path, encoding)}; give a CSV '
+                     f'whose cells are numbers without units, or an .npz or .mat file')
+
+
+def _shown(path: Path, encoding: str) -> str:
+    """Return what the last of the first lines of a text says, in words; nothing of an empty one."""
+    with path.open(encoding=encoding, newline='') as stream:
+        lines = [text for line in islice(stream, UNIFORM) if (text := line.strip())]
+    return f', such as {lines[-1][:LONGEST_SHOWN]!r}' if lines else ''
 
 
 def _header_line(lines: Iterable[str], names: set[str]) -> int:
@@ -154,10 +166,10 @@ def _top(numbered: Iterator[tuple[int, str]], number_first: bool) -> Top | None:
         ahead.extend(islice(numbered, 1))
         delimiter = _delimiter(text)
         fields = fields_of(text, delimiter)
-        if not is_comment(text) and _is_data(fields, delimiter):
+        if not is_comment(text) and _is_data(fields):
             first = first or Top(index, delimiter, fields, tuple(above))
             if number_first and not (_is_empty(fields[0])
-                                     or _is_number(fields[0], delimiter != ',')):
+                                     or _is_number(fields[0])):
                 continue
             if len(fields) > 1 and all(len(fields_of(below, delimiter)) == len(fields)
                                        for _, below in ahead if not is_comment(below)):
@@ -174,7 +186,7 @@ def _delimiter(text: str) -> str | None:
     text = row_of(text, None)
     mark = next((mark for mark in DELIMITERS if mark in text), None)
     if mark == ',' and len(text.split()) > 1:
-        spaced = sum(_is_number(field, True) and not field.endswith(',') for field in text.split())
+        spaced = sum(_is_number(field) and not field.endswith(',') for field in text.split())
         if spaced > sum(_is_number(field, False) for field in text.split(',')):
             return None
     return mark
@@ -215,9 +227,9 @@ def _encoding(path: Path) -> str:
     raise found
 
 
-def _is_data(fields: Sequence[str], delimiter: str | None) -> bool:
+def _is_data(fields: Sequence[str]) -> bool:
     """Return whether all cells of a line that are not empty are numbers, or half of all cells."""
-    numbers = sum(_is_number(field, delimiter != ',') for field in fields)
+    numbers = sum(_is_number(field) for field in fields)
     filled = sum(not _is_empty(field) for field in fields)
     return numbers > 0 and (numbers == filled or 2 * numbers >= len(fields))
 
@@ -230,7 +242,7 @@ def _headers(top: Top) -> tuple[tuple[tuple[str, ...], ...], int]:
     """
     rows = {row: names for row, text in top.above
             if (names := _names(text, top.delimiter, top.fields))}
-    numbers = {row: sum(_is_number(name, top.delimiter != ',') for name in names)
+    numbers = {row: sum(_is_number(name) for name in names)
                for row, names in rows.items()}
     named = [row for row, names in rows.items()
              if sum(not _is_empty(name) for name in names) > numbers[row]]
@@ -259,12 +271,11 @@ def _names(text: str, delimiter: str | None, fields: Sequence[str]) -> tuple[str
 
 def _has_decimal_comma(lines: Iterable[str], delimiter: str | None) -> bool:
     """Return whether the first line with decimal marks has only commas for them."""
-    if delimiter == ',':
-        return False
+    mark = '"' if delimiter == ',' else ','  # a cell with the delimiter in it is quoted
     for line in lines:
-        if ',' not in line and '.' not in line:
+        if mark not in line and '.' not in line:
             continue
-        numbers = [field for field in fields_of(line, delimiter) if _is_number(field, True)]
+        numbers = [field for field in fields_of(line, delimiter) if _is_number(field)]
         if any('.' in number for number in numbers):
             return False
         if any(',' in number for number in numbers):
@@ -283,7 +294,7 @@ def _is_empty(field: str) -> bool:
     return field.strip().lower() in EMPTY
 
 
-def _is_number(field: str, decimal_comma: bool) -> bool:
+def _is_number(field: str, decimal_comma: bool = True) -> bool:
     field = field.strip()
     if decimal_comma:
         field = field.replace(',', '.')

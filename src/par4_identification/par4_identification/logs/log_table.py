@@ -16,6 +16,7 @@ import numpy as np
 import scipy
 
 from par4_identification.logs.csv_layout import (
+    LONGEST_SHOWN,
     Layout,
     fields_of,
     is_comment,
@@ -29,8 +30,6 @@ from par4_kinematics.paths import instead_of_file
 
 MOST_NAMED = 12
 """Names that an error lists."""
-LONGEST_SHOWN = 40
-"""Characters of a cell that an error shows."""
 
 
 def read_columns(path: str | Path, wanted: Sequence[str], array: str | None = None,
@@ -237,11 +236,11 @@ def _fault(path: Path, layout: Layout, places: Mapping[str, int],
                     cells[name](fields[place])
                 except ValueError:
                     return (f'line {index + 1}, column {name}: {_shown(fields[place])} is no '
-                            + _wanted(fields[place], dates.get(name)))
+                            + _wanted(fields[place], dates.get(name), layout))
     return None
 
 
-def _wanted(cell: str, unit: str | None) -> str:
+def _wanted(cell: str, unit: str | None, layout: Layout) -> str:
     """Return what a cell should have been, and what to do where it holds a date."""
     if unit is not None:
         return f'time as {unit} has it, such as {EXAMPLES[unit]}'
@@ -249,6 +248,9 @@ def _wanted(cell: str, unit: str | None) -> str:
     if units:
         return (f'number but a date or a time of day: give the time in --columns the unit {units}, '
                 f'as in time=1:{units.split()[0]}')
+    if layout.decimal_comma and '.' in cell:
+        return ('number with a decimal comma, as others of the file have; points between thousands '
+                'are not read')
     return 'number'
 
 

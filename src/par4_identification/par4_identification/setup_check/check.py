@@ -128,7 +128,7 @@ def _wired(check: SetupCheck) -> SetupCheck:
     return check.after(wiring_findings(
         wiring, None if now is None else now.explained(),
         0.0 if after is None else after.explained(),
-        now is not None and now.fit().physical), logs)
+        now is not None and now.fit().physical, geometry is None), logs)
 
 
 def _explained_otherwise(check: SetupCheck) -> float:

@@ -181,8 +181,8 @@ def _wirings_of_torques(rows: Equations) -> list[tuple[Plugs, float]]:
     return found
 
 
-def wiring_findings(wiring: Wiring, before: float | None, after: float, physical: bool
-                    ) -> list[Finding]:
+def wiring_findings(wiring: Wiring, before: float | None, after: float, physical: bool,
+                    of_axis: bool) -> list[Finding]:
     """Return what a wiring says, as findings.
 
     Args:
@@ -190,6 +190,7 @@ def wiring_findings(wiring: Wiring, before: float | None, after: float, physical
         before, after: shares of the torque's squares that the rigid bodies explain; None where the
             mechanism does not close.
         physical: whether it takes no negative mass, inertia or friction to explain the former.
+        of_axis: whether the machine is a single axis, whose positive angles may be either way.
     """
     if before is None:
         so_far = 'while so far the mechanism does not even close'
@@ -229,8 +230,9 @@ def wiring_findings(wiring: Wiring, before: float | None, after: float, physical
             f'the {what} of {whose} {"have" if same else "has"} the wrong sign; turned over, '
             f'{gain}',
             f'Turn the sign of the {what} of {whose} over where the log is made; par4_bag does so '
-            'where --columns has a minus before the unit, such as torque=2:-1Nm; angles '
-            'count downwards, a positive torque drives a joint towards larger angles.', True))
+            'where --columns has a minus before the unit, such as torque=2:-1Nm; '
+            + ('' if of_axis else 'angles count downwards, ')
+            + 'a positive torque drives a joint towards larger angles.', True))
     return found
 
 
