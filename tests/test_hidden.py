@@ -33,45 +33,45 @@ from short_scenarios import short_scenario
 from par4_identification.logs.log import Log
 from par4_kinematics.errors import UnreachableError
 
-
-def diagnosed(task: Task):
-    """Return scenario and diagnosis of a task."""
-    scenario = short_scenario(task)
-    fit, heldout = record_scenario(scenario)
-    return scenario, diagnosis_of(scenario, fit, heldout)
-
-
-def named(diagnosis) -> list[set[str]]:
-    return [{cause.effect.name, *cause.twins} for cause in diagnosis.causes]
+HIDDEN = (Task('single', 5000, 'arm_mass_offset', True, 'fast'),
+          Task('single', 5001, 'theta_friction', True),
+          Task('single', 5002, 'stribeck', False),
+          Task('single', 5003, 'encoder_offset', False),
+          Task('pair', 105000, 'drive_gain_error', True))
+"""Six effects on machines, and with motions, of consecutive seeds."""
 
 
-@pytest.mark.parametrize(('effect', 'seed', 'coloured', 'fidelity'), [
-    ('stribeck', 5000, False, 'exact'),
-    ('theta_friction', 5011, True, 'exact'),
-    ('encoder_offset', 5012, False, 'exact'),
-    ('arm_mass_offset', 5023, True, 'fast'),
-])
-def test_a_hidden_effect_is_named_and_sized(effect, seed, coloured, fidelity):
-    scenario, diagnosis = diagnosed(Task('single', seed, effect, coloured, fidelity))
-    assert len(diagnosis.causes) == 1
-    assert effect in named(diagnosis)[0]
-    cause, ((_, values),) = diagnosis.causes[0], scenario.hidden
-    assert cause.effect.name == effect
-    for name, truth in values.items():
-        found = np.atleast_1d(cause.parameters[name].value)
+def is_found(name, values, diagnosis):
+    """Return whether a hidden effect is named, whatever looks like it, and has its true size."""
+    own = [cause for cause in diagnosis.causes if cause.effect.name == name]
+    if len(own) != 1:
+        return False
+    cause, = own
+    for key, truth in values.items():
+        found = np.atleast_1d(cause.parameters[key].value)
         expected = np.broadcast_to(truth, (4,))[list(cause.joints)][:len(found)]
-        np.testing.assert_allclose(found, expected, atol=0.15 * np.abs(truth).max() + 0.02)
-    assert diagnosis.holdout.explained_fraction > 0.8
+        if not np.allclose(found, expected, rtol=0.0, atol=0.15 * np.abs(truth).max() + 0.02):
+            return False
+    return True
 
 
-def test_both_effects_of_a_pair_are_named():
-    scenario = short_scenario(Task('pair', 105005, 'drive_gain_error', True))
-    fit, heldout = record_scenario(scenario)
-    truth = truth_of(scenario, fit)
-    assert all(truth.strength(name) > VISIBLE for name, _ in scenario.hidden)
-    diagnosis = diagnosis_of(scenario, fit, heldout)
-    assert {cause.effect.name for cause in diagnosis.causes} == {
-        name for name, _ in scenario.hidden}
+def test_five_of_six_hidden_effects_are_named_and_sized_and_none_gets_a_wrong_name():
+    found = 0
+    for task in HIDDEN:
+        scenario = short_scenario(task)
+        fit, heldout = record_scenario(scenario)
+        truth = truth_of(scenario, fit)
+        assert all(truth.strength(name) > VISIBLE for name, _ in scenario.hidden), task
+        diagnosis = diagnosis_of(scenario, fit, heldout)
+        hidden = {name for name, _ in scenario.hidden}
+        for cause in diagnosis.causes:
+            assert hidden & {cause.effect.name, *cause.twins}, (task, cause.effect.name)
+        assert len(diagnosis.causes) <= len(hidden), task
+        right = sum(is_found(name, values, diagnosis) for name, values in scenario.hidden)
+        if right == len(hidden):
+            assert diagnosis.holdout.explained_fraction > 0.8, task
+        found += right
+    assert found >= 5
 
 
 def test_an_effect_outside_the_library_ends_as_unknown():
