@@ -136,7 +136,7 @@ def test_an_axis_with_torques_needs_no_gain(tool, tmp_path):
     path = csv(tmp_path / 'log.csv', t=T, q=Q, tau=TAU, volts=0.5 * TAU)
     robot = tmp_path / 'axis.yaml'
     robot.write_text('{schema: par4/axis/1, name: bare, joint: motor, kind: revolute}')
-    nobody_knows = ('holds voltages and no torque, and the robot file of bare has no gain; write '
+    nobody_knows = ('voltages and no torque, and the robot file of bare has no gain; write '
                     'gain into it')
     told = tool(path, '--columns', 'time=t:s position=q:rad voltage=volts:V', '--robot', robot,
                 '--output', tmp_path / 'bag')

@@ -17,7 +17,7 @@ from par4_kinematics.errors import InputError
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES
 from par4_kinematics.robot import Axis, Robot
 
-WITHOUT_GAIN = ('holds voltages and no torque, and the robot file of {} has no gain; write gain '
+WITHOUT_GAIN = ('voltages and no torque, and the robot file of {} has no gain; write gain '
                 'into it, the torque or force at the joint per volt, or gain: 1.0 to have volts in '
                 'its place')
 """What to do where nobody knows which torque a voltage makes."""
