@@ -86,13 +86,20 @@ def joint_to_plate(geometry: Geometry, x: np.ndarray, leg: int) -> np.ndarray:
     return on_plate + (geometry.platform_radius - geometry.base_radius) * radial
 
 
+ANGLES = np.linspace(-np.pi, np.pi, 20001)
+ARMS = np.stack((np.cos(ANGLES), -np.sin(ANGLES)))
+"""Ways out and up of an arm of unit length at these angles."""
+
+
 def reachable_by_search(geometry: Geometry, x: np.ndarray, leg: int) -> bool:
     """Return whether some angle of the arm leaves exactly a forearm to the plate joint."""
-    angles = np.linspace(-np.pi, np.pi, 20001)
     azimuth = geometry.actuator_azimuth[leg]
-    arm = geometry.arm_lengths[leg] * np.column_stack((
-        np.cos(angles) * math.cos(azimuth), np.cos(angles) * math.sin(azimuth), -np.sin(angles)))
-    distance = np.linalg.norm(joint_to_plate(geometry, x, leg) - arm, axis=1)
+    # out along the azimuth, across it and up; the arm turns in the first and the last of them
+    x, y, up = joint_to_plate(geometry, x, leg)
+    out, across = (x * math.cos(azimuth) + y * math.sin(azimuth),
+                   y * math.cos(azimuth) - x * math.sin(azimuth))
+    arm = geometry.arm_lengths[leg] * ARMS
+    distance = np.sqrt((out - arm[0]) ** 2 + across ** 2 + (up - arm[1]) ** 2)
     return bool(distance.min() <= geometry.forearm_lengths[leg] <= distance.max())
 
 
