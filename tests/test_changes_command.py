@@ -72,6 +72,7 @@ def diagnosed(output, *words):
     return done, json.loads((output / 'diagnosis.json').read_text(encoding='utf-8'))
 
 
+@pytest.mark.usefixtures('unrendered')
 def test_recordings_of_a_machine_that_changed_between_them(bags, tmp_path):
     """Fitted as those of one machine they leave a torque that follows nothing known."""
     done, content = diagnosed(tmp_path / 'out', bags / 'before', bags / 'loaded', '--holdout',
@@ -88,6 +89,7 @@ def test_recordings_of_a_machine_that_changed_between_them(bags, tmp_path):
     assert 'How the recordings differ' in page.text
 
 
+@pytest.mark.usefixtures('unrendered')
 def test_recordings_of_one_machine_do_not_differ(bags, tmp_path):
     done, content = diagnosed(tmp_path / 'out', bags / 'before', '--holdout', bags / 'same')
     assert 'between_logs' not in content
