@@ -57,6 +57,7 @@ def both(recorded):
 
 
 def test_springs_that_counts_hide_are_named_with_what_is_beside_them(both):
+    """On one machine that all rows do not tell; `make blind` counts how often springs are named."""
     answer, first = both
     assert answer is not first
     causes = {cause.effect.name: cause for cause in answer.causes}

@@ -445,6 +445,7 @@ def machine():
 
 
 def test_soft_joints_of_the_machine_come_out_with_their_stiffness(machine):
+    """Of one machine; `make blind` counts how often springs are named."""
     scenario, diagnosis = machine
     assert [cause.effect.name for cause in diagnosis.causes] == ['elastic_transmission']
     cause, true = diagnosis.causes[0], scenario.hidden[0][1]['compliance']
