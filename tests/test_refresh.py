@@ -66,6 +66,39 @@ def test_readings_that_stay_in_a_rest_are_readings():
     np.testing.assert_array_equal(refresh.rows, 10 * np.arange(1, len(values) // 10 + 1))
 
 
+def test_held_readings_that_come_out_as_the_last_ones_are_readings(tmp_path):
+    """A drive that reads coarsely at 67 Hz held its torque for 15, 30, 45 rows: in no rhythm."""
+    coarse = np.round(TAU / 0.8) * 0.8
+    values = held(coarse, 15)
+    changes = np.diff(np.flatnonzero(np.diff(values)))
+    assert np.mean(changes > 15) > 0.25
+    refresh = refresh_of(values[:, None])
+    assert refresh.every == 15
+    first = refresh.rows[0]
+    np.testing.assert_array_equal(refresh.rows, np.arange(first, len(T) - 15, 15))
+    log = read(tmp_path / 'bag', T, Q, values)
+    assert log.period == pytest.approx(0.015)
+    found = identified(log).estimate.values
+    np.testing.assert_allclose(found, (INERTIA, COULOMB, VISCOUS), rtol=0.1)
+
+
+def test_many_refreshes_that_fail_to_come_are_missing():
+    fails = np.random.default_rng(2).random(len(T) // 10) < 0.2
+    rows = 10 * np.flatnonzero(~fails)
+    values = Q[rows[np.searchsorted(rows, np.arange(len(T)), 'right').clip(1) - 1]]
+    refresh = refresh_of(values[:, None])
+    assert refresh.every == 10
+    assert np.isin(refresh.rows, rows).mean() > 0.99
+
+
+def test_times_that_fit_no_rhythm_are_not_held():
+    times = np.random.default_rng(3).choice((10, 10, 10, 10, 23, 37), 900)
+    rows = np.cumsum(times)
+    rows = rows[rows < len(T)]
+    values = Q[rows[np.searchsorted(rows, np.arange(len(T)), 'right').clip(1) - 1]]
+    assert refresh_of(values[:, None]) is None
+
+
 def test_a_refresh_that_fails_to_come_is_missing():
     values = held(Q, 10)
     values[500:510] = values[499]
@@ -89,6 +122,18 @@ def test_par4_bag_says_what_is_held():
     values['torque'][::1000] = np.nan
     assert any('changes every 4 ms' in line
                for line in Measured('revolute', stamp, values, len(T), 0).findings())
+
+
+def test_held_readings_are_not_said_to_repeat_behind_a_dead_band():
+    """A reading in four came out as the last one did; 95 % of the rows repeat as they are held."""
+    stamp, last = np.arange(len(T)) * 1_000_000, 0.0
+    readings = np.round(TAU[::15] / 0.02) * 0.02
+    for i, reading in enumerate(readings):
+        last = readings[i] = reading if abs(reading - last) > 0.4 else last
+    values = {'position': Q[:, None], 'torque': np.repeat(readings, 15)[:len(T), None]}
+    found, = Measured('revolute', stamp, values, len(T), 0).findings()
+    assert found == ('torque: changes every 15 ms in a log of 1 ms, being held in between; the '
+                     'tools use only its changes, at 66.7 Hz')
 
 
 def test_too_few_rows_of_a_slow_log_are_said_to_be_near_reversals(tmp_path):

@@ -187,8 +187,11 @@ class Measured:
             moves = quantity in ('position', 'velocity')
             if self.tables or (self.integrated and quantity == 'position'):
                 continue
+            whole = values[are_readings(values).all(axis=1)]
+            held = refresh_of(whole)
             for joint, column in enumerate(values.T):
-                own, unit = column[are_readings(column)], si_unit(quantity, self.kind)
+                own = column[are_readings(column)] if held is None else whole[held.rows, joint]
+                unit = si_unit(quantity, self.kind)
                 every = _interpolated(own) if moves else 0
                 if every:
                     found.append(f'{quantity} of joint {joint}: bends every {every} rows and is '

@@ -19,6 +19,9 @@ FEWEST = 50
 EVENNESS, MOSTLY = 0.4, 0.9
 """Largest deviation from the usual number of rows between refreshes, over it (one row is always
 allowed), and the share of the refreshes that keep to it."""
+RHYTHM, USUAL = 0.1, 0.5
+"""Share of the usual number of rows by which longer times may miss a whole multiple of it, and the
+least share of the refreshes with the usual one, where readings come out as the last ones did."""
 STEPS = 2.5
 """Ratio of the usual step at a refresh to the least one; encoder counts change by one count."""
 LEAST = 0.02
@@ -42,7 +45,8 @@ def refresh_of(values: np.ndarray) -> Refresh | None:
     """Return how values (n, J) are held between refreshes; None where they are not.
 
     Readings that stay for longer, as in a rest, are readings still: they have rows where the rhythm
-    has them. Few that fail to come are missing.
+    has them. Few that fail to come are missing. Where many stay for whole multiples of the rhythm,
+    coarse readings came out as the last ones did, if the step after them is no larger than others.
     """
     changes = np.flatnonzero((np.diff(values, axis=0) != 0.0).any(axis=1)) + 1
     apart = np.diff(changes)
@@ -50,10 +54,19 @@ def refresh_of(values: np.ndarray) -> Refresh | None:
         return None
     spread = max(1.0, EVENNESS * every)
     in_time = (apart >= max(2.0, every - spread)) & (apart <= every + spread)
-    if np.mean(in_time) < MOSTLY or not jumps(values[changes - 1], values[changes]):
+    periods = np.round(apart / every)
+    late = apart > every + spread
+    again = late & (np.abs(apart - periods * every) <= RHYTHM * every)
+    coarse = bool(np.mean(in_time) < MOSTLY and np.mean(in_time) > USUAL
+                  and np.mean(in_time | again) >= MOSTLY and np.mean(again[late]) >= MOSTLY)
+    if not coarse and (np.mean(in_time) < MOSTLY
+                       or not jumps(values[changes - 1], values[changes])):
         return None
+    if coarse:
+        step = np.abs(np.diff(values[[0, *changes]], axis=0)).max(axis=1)[1:]
+        coarse = bool(np.median(step[late]) <= np.median(step[in_time]))
     steps = np.round(np.append(apart, len(values) - changes[-1]) / every)
-    steps = np.where(steps > FILLED + 1, steps, 1)
+    steps = steps if coarse else np.where(steps > FILLED + 1, steps, 1)
     rows = np.concatenate([start + every * np.arange(int(count)) for start, count in zip(
         changes, steps, strict=True)])
     return Refresh(rows[rows < len(values)], every)
