@@ -350,6 +350,21 @@ def test_the_velocity_of_an_axis_will_do_for_a_position(tool, tmp_path):
         chosen_columns('velocity=1-4:rad/s torque=5-8:Nm')
 
 
+@pytest.mark.parametrize('column', ['position=q:rad', 'velocity=qd:rad/s'])
+def test_what_a_joint_moves_while_the_logger_pauses_is_no_wrap(tool, tmp_path, column):
+    """A bench that logs each of its speeds for a while was told to unwrap its encoder."""
+    time = np.arange(0.0, 12.0, 0.002)
+    speed = np.where(time < 6.0, 20.0, 30.0)
+    q = np.cumsum(0.002 * speed)
+    kept = (time % 3.0) < 1.0
+    told = tool(csv(tmp_path / 'log.csv', t=time[kept], q=q[kept], qd=speed[kept],
+                    tau=0.1 + 0.01 * speed[kept]), '--columns',
+                f'time=t:s {column} torque=tau:Nm', '--joints', 'motor', '--output',
+                tmp_path / 'bag')
+    assert '3 gaps, the longest 2' in told.out
+    assert 'jumps' not in told.out
+
+
 def test_a_part_of_a_log_and_an_encoder_that_wraps(tool, tmp_path):
     turns = 3.0 * T / T[-1]
     path = csv(tmp_path / 'log.csv', t=T, q=turns % 1.0, tau=TAU)

@@ -268,14 +268,18 @@ class Measured:
         return found
 
     def _odd_positions(self) -> list[str]:
+        """Return where positions that were read jump as no joint does between two readings."""
+        if self.integrated:
+            return []
         found, unit = [], si_unit('position', self.kind)
         for joint, column in enumerate(self.values['position'].T):
             rows = np.flatnonzero(are_readings(column))
             if len(rows) < 2:
                 continue  # said elsewhere
-            q, apart = column[rows], np.diff(rows)
+            q, apart, spacing = column[rows], np.diff(rows), np.diff(self.stamp[rows])
             again = restarts_of(q, apart / np.median(apart))
-            jumped = np.flatnonzero(_wraps(q) & (apart <= GAP * np.median(apart)))
+            jumped = np.flatnonzero(_wraps(q) & (apart <= GAP * np.median(apart))
+                                    & (spacing <= FEW * np.median(spacing)))
             if again is not None:
                 whole = again.way / (2.0 * np.pi) if self.kind == 'revolute' else 0.5
                 option = ('--unwrap' if round(whole) and abs(whole - round(whole)) < WHOLE_TURN
