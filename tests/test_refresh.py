@@ -41,9 +41,9 @@ def test_a_log_is_used_at_the_changes_of_its_slowest_signal(tmp_path, signal):
     np.testing.assert_allclose(log.q[:, 0], Q[10::10], rtol=0, atol=1e-12)
     np.testing.assert_allclose(log.tau[:, 0], TAU[10::10], rtol=0, atol=1e-12)
     said, = log.bag_accounts.of_clocks()
-    assert said == (f'the {signal} on /joint_states changes every 10 ms in a log of 1 ms, being '
-                    f'held in between; only its changes are used, at 100 Hz; have the {signal} '
-                    f'sent as often as the log is written')
+    assert said == (f'the {signal} changes every 10 ms in a log of 1 ms, being held in between; '
+                    f'only its changes are used, at 100 Hz; have the {signal} sent as often as the '
+                    f'log is written')
     values = identified(log).estimate.values
     np.testing.assert_allclose(values, (INERTIA, COULOMB, VISCOUS), rtol=3e-3)
 
