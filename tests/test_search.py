@@ -174,6 +174,12 @@ def test_friction_that_waves_with_the_position_is_no_ripple_of_the_torque():
     unnamed, = search.run()
     assert unnamed.effect.name == 'uneven'
     assert unnamed.joints == (0, 2)
+    # its mean is Coulomb friction, with which the base parameters fit most of the torque
+    heldout = search.pool.heldout.observations
+    left = np.concatenate([part[run.valid] for run, part in zip(heldout.runs, residuals(
+        heldout, (), solve(search.pool.evidence, ())))])
+    told = unnamed_cause(search, unnamed, (unnamed,))
+    assert told.torque_rms == pytest.approx(np.sqrt(np.mean(left ** 2)), rel=0.1)
 
 
 def test_a_name_that_imitates_falls_beside_what_it_imitates_and_the_others_stay():

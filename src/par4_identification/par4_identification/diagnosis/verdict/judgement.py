@@ -11,6 +11,7 @@ import scipy
 from par4_identification.diagnosis.evidence.fit import solve
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.kind import Kind
+from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.diagnosis.search.causes import Hypotheses, named_of, others_of
 from par4_identification.diagnosis.search.search import Rival, Search
 from par4_identification.diagnosis.search.simplicity import best_first
@@ -51,7 +52,9 @@ class UnnamedCause:
         kind: what it acts like, by name.
         phrase: in words.
         joints: on which it acts.
-        torque_rms: rms of its torque on held-out rows, over all joints, N m.
+        torque_rms: rms of its torque on held-out rows, over all joints, N m, without what base
+            parameters could have of it: a share of the torque and an inertia have much in common,
+            and the data do not say whose it is.
         share: part of the squared error explained by all causes that is lost without it.
         margin: log-likelihood that it gains on held-out rows.
     """
@@ -115,16 +118,22 @@ def unnamed_cause(search: Search, cause: Hypothesis, model: Hypotheses) -> Unnam
     base, here = pool.fit(()), pool.fit(model)
     explained = base.heldout_squares - here.heldout_squares
     coefficients = solve(pool.evidence, model).coefficients[model.index(cause)]
-    heldout = pool.heldout.observations
-    squares = rows = 0.0
-    for run, columns in zip(heldout.runs, heldout.effect_rows(cause.effect, cause.shape)):
-        torque = np.einsum('mjk,kj->mj', columns, coefficients)
-        squares += float(np.sum(np.where(run.valid, torque, 0.0) ** 2))
-        rows += int(run.valid.sum())
+    torque = _beyond_base(pool.heldout.observations, cause, coefficients)
     return UnnamedCause(
         cause.effect.name, cause.effect.phrase, cause.joints,
-        float(np.sqrt(squares / max(rows, 1))),
+        float(np.sqrt(np.mean(torque ** 2))) if len(torque) else 0.0,
         share_of(2.0 * margin, explained), margin)
+
+
+def _beyond_base(observations: Observations, cause: Hypothesis, coefficients: np.ndarray
+                 ) -> np.ndarray:
+    """Return the torque of a cause with coefficients (K, J) that no base parameters have, (N,) N m.
+    """
+    torque, base = (np.concatenate(parts) for parts in zip(*(
+        (np.einsum('mjk,kj->mj', columns, coefficients)[run.valid], own[run.valid])
+        for run, columns, own in zip(observations.runs, observations.effect_rows(
+            cause.effect, cause.shape), observations.base))))
+    return np.asarray(torque - base @ np.linalg.lstsq(base, torque, rcond=None)[0])
 
 
 def share_of(own: float, explained: float) -> float:
