@@ -11,6 +11,11 @@ from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.diagnosis.evidence.projection import Projection
 from par4_identification.signals.rows import Run, longest_motion
 
+SLOWEST = 0.05
+"""Share of the rows, the slowest, in which an order that is sought must show."""
+BEYOND = 2.0
+"""Highest frequency of an order there over the cut-off of the torque, of which a small share passes
+the filter: a torque of a hundred times the noise is seen."""
 EXPANSIONS = 4
 """Times that a series is expanded around what came of it."""
 
@@ -19,7 +24,7 @@ def shapes_of(observations: Observations, effect: Effect) -> tuple[Shape, ...]:
     """Return the shapes of an effect worth trying on the run that moves longest.
 
     For an axis, which may have any speed, an order of a periodic torque is worth trying if the
-    torque's filter passes it at the speeds of the slower quarter of the motion.
+    torque's filter passes some of it where the motion is slowest (`highest_visible_order`).
     """
     run = longest_motion(observations.runs)
     shapes = effect.shapes(run.state)
@@ -31,12 +36,12 @@ def shapes_of(observations: Observations, effect: Effect) -> tuple[Shape, ...]:
 
 
 def highest_visible_order(run: Run) -> float:
-    """Return the order up to which a periodic torque shows in the slower quarter of a motion.
+    """Return the order up to which a periodic torque shows in the slowest part of a motion.
 
-    The filter of the torque lets it pass there.
+    There the filter of the torque lets some of it pass. Its column passes the same filter.
     """
-    slower = float(np.quantile(np.abs(run.speed[run.valid]), 0.25))
-    return 2.0 * np.pi * run.conditioning.torque_cutoff_hz / slower
+    slow = float(np.quantile(np.abs(run.speed[run.valid]), SLOWEST))
+    return 2.0 * np.pi * BEYOND * run.conditioning.torque_cutoff_hz / slow
 
 
 def order_name(effect: Effect) -> str | None:
