@@ -29,7 +29,7 @@ from par4_identification.reports.outcome.setup import with_setup
 from par4_identification.setup_check import calibration, timing
 from par4_identification.setup_check.check import check_setup
 from par4_identification.setup_check.clustered import basis_of, clustered_std, clusters_of
-from par4_identification.setup_check.drive_answer import Answer, answer_of
+from par4_identification.setup_check.drive_answer import DriveAnswer, answer_of
 from par4_identification.setup_check.equations import equations_of, stretches_of
 from par4_identification.setup_check.finding import Amount, Finding, SetupCheck
 from par4_identification.setup_check.repair import filled
@@ -460,7 +460,7 @@ def test_drives_answer_counts_by_their_gains(clean):
     assert wrong.measured == pytest.approx(drives.gain[0] * right.measured)
     assert wrong.scaled_by(drives.gain[0])
     # recorders show between two fifths and all of the answer
-    assert [Answer(share, 1.0).scaled_by(1.0 / gain) for share, gain in (
+    assert [DriveAnswer(share, 1.0).scaled_by(1.0 / gain) for share, gain in (
         (0.29, 1.6), (0.29, 3.5), (0.01, 3.5))] == [False, True, False]
     assert answer_of([clean], Drives(gain=drives.gain)) is None  # gains that the file does not tell
     smooth = replace(clean, tau=np.tile(np.sin(clean.t)[:, None], 4))

@@ -84,7 +84,7 @@ def workspace_grid(robot: Robot) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Conditioning:
+class PoseConditioning:
     """cond(J_x) over the workspace limits of a robot.
 
     Attributes:
@@ -100,7 +100,7 @@ class Conditioning:
     worst_pose: np.ndarray
 
 
-def conditioning(robot: Robot) -> Conditioning:
+def conditioning(robot: Robot) -> PoseConditioning:
     """Return a summary of the condition number over the robot's workspace limits.
 
     Raises:
@@ -114,5 +114,5 @@ def conditioning(robot: Robot) -> Conditioning:
     poses = grid[reached]
     condition = condition_number(robot.geometry, poses)
     worst = int(np.argmax(condition))
-    return Conditioning(float(reached.mean()), float(condition.min()),
-                        float(np.median(condition)), float(condition[worst]), poses[worst])
+    return PoseConditioning(float(reached.mean()), float(condition.min()),
+                            float(np.median(condition)), float(condition[worst]), poses[worst])

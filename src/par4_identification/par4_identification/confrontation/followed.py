@@ -30,7 +30,7 @@ LATEST = 1e-3
 
 
 @dataclass(frozen=True)
-class Course:
+class Followed:
     """What simulated drives follow.
 
     Attributes:
@@ -81,10 +81,10 @@ def stretch_of(log: Log, robot: Robot, models: tuple[Model, Model] | None,
 
 
 def course_of(reference: Reference | None, part: Log, measured: Run, robot: Robot, limit: float
-              ) -> Course:
+              ) -> Followed:
     """Return what the drives follow: the reference, if they explain the torque by it."""
     if reference is None:
-        return Course(_measured_path(measured), 0.0, 'the bag has no reference')
+        return Followed(_measured_path(measured), 0.0, 'the bag has no reference')
     rows = slice(max(0, int(np.searchsorted(reference.t, part.t[0] + 1e-9)) - 1),
                  int(np.searchsorted(reference.t, part.t[-1])) + 1)
     path = Reference(reference.t[rows], reference.q[rows], reference.qd[rows],
@@ -92,16 +92,16 @@ def course_of(reference: Reference | None, part: Log, measured: Run, robot: Robo
                      None if reference.effort is None else reference.effort[rows])
     if (len(path.t) < 2 or path.t[0] > part.t[0] + part.period
             or not all(np.isfinite(values).all() for values in (path.q, path.qd, path.qdd))):
-        return Course(_measured_path(measured), 0.0,
-                      'its reference lacks points, velocities or accelerations')
+        return Followed(_measured_path(measured), 0.0,
+                        'its reference lacks points, velocities or accelerations')
     left, feedback, late = _left_by_drives(path, part, measured, robot, limit)
     noise = float(np.sqrt(np.mean(measured.noise_floor ** 2)))
     if left > max(UNLIKE * feedback, 3.0 * noise):
-        return Course(_measured_path(measured), 0.0, (
+        return Followed(_measured_path(measured), 0.0, (
             f'from the reference the drives of the robot file would ask for another torque than '
             f'the bag holds ({left:.2g} N m rms apart, of {feedback:.2g} N m): the machine has '
             f'other drives, or a feedforward that the bag lacks'), drives_unlike=True)
-    return Course(path, late, '')
+    return Followed(path, late, '')
 
 
 def _left_by_drives(path: Reference, part: Log, measured: Run, robot: Robot, limit: float

@@ -19,7 +19,7 @@ from par4_identification.logs.log import Log
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Robot
 
-SURE = 0.005
+PRECISE = 0.005
 """Relative standard deviation of gains below which no delay is looked for: it does not matter."""
 REACH = 2.0
 """Longest delay that is looked for, s; pushes last seconds."""
@@ -61,7 +61,7 @@ def late_readings(pairs: Sequence[tuple[Log, ForceReadings]], robot: Robot, gain
         coulomb_friction: see `gains_of_pushes`.
     """
     spread = relative_std(gains)
-    if spread < SURE:
+    if spread < PRECISE:
         return None
 
     def mended(delay: float) -> float:

@@ -56,7 +56,7 @@ class Fitness:
 
 
 @dataclass(frozen=True)
-class JointMotion:
+class JointTravel:
     """How a joint moves.
 
     Attributes:
@@ -72,11 +72,11 @@ class JointMotion:
     seconds: float
 
 
-def joint_motions(runs: Sequence[Run], joints: Sequence[str]) -> tuple[JointMotion, ...]:
+def joint_motions(runs: Sequence[Run], joints: Sequence[str]) -> tuple[JointTravel, ...]:
     """Return how each joint moves in the rows of a log."""
     q, speed = (np.concatenate([getattr(run, name) for run in runs]) for name in ('q', 'speed'))
     seconds = sum(run.valid.sum(axis=0) * run.row_time for run in runs)
-    return tuple(JointMotion(*row) for row in zip(
+    return tuple(JointTravel(*row) for row in zip(
         joints, np.ptp(q, axis=0).tolist(), np.abs(speed).max(axis=0).tolist(),
         np.asarray(seconds).tolist(), strict=True))
 

@@ -15,7 +15,7 @@ from par4_identification.inspection.contents import (
 )
 from par4_identification.inspection.fitness import (
     Fitness,
-    JointMotion,
+    JointTravel,
     fitness_of,
     joint_motions,
     unfit,
@@ -51,7 +51,7 @@ class Inspection:
     duration: float | None
     topics: tuple[TopicContent, ...]
     joints: tuple[JointContent, ...]
-    motion: tuple[JointMotion, ...]
+    motion: tuple[JointTravel, ...]
     findings: tuple[str, ...]
     fitness: tuple[Fitness, ...]
 

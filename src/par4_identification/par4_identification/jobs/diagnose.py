@@ -129,7 +129,7 @@ class Asked:
 
 
 @dataclass(frozen=True)
-class Measured:
+class Recorded:
     """What a diagnosis rests on.
 
     Attributes:
@@ -222,7 +222,7 @@ def _reservations(outcome: Outcome, told: Sequence[Remark]) -> list[str]:
 
 
 def _measured(asked: Asked, machine: Robot | Axis, believed: tuple[ModelFile, Model] | None,
-              progress: Progress) -> Measured:
+              progress: Progress) -> Recorded:
     """Read all bags and look for mistakes of the setup."""
     baseline, known = believed or (None, None)
     logs = read_bags(asked.every_bag, machine, asked.namespace, progress)
@@ -235,17 +235,17 @@ def _measured(asked: Asked, machine: Robot | Axis, believed: tuple[ModelFile, Mo
     if not asked.before:
         check = check_setup(logs[:own], machine, known)
         conditioning = conditioning_for(check.logs, check.machine, CONDITIONING, asked.chosen)
-        return Measured(check, len(asked.bags), conditioning, baseline, None, as_set)
+        return Recorded(check, len(asked.bags), conditioning, baseline, None, as_set)
     before = check_setup(logs[own:], machine)
     earlier = Earlier.of(before, machine, baseline, conditioning)
     check = check_setup(logs[:own], machine, build_model(machine, earlier.model_file))
     mended = conditioning_for((*check.logs, *before.logs), machine, CONDITIONING, asked.chosen)
     if mended != conditioning:  # which were those of logs with their mistakes
         earlier = Earlier.of(before, machine, baseline, mended)
-    return Measured(check, len(asked.bags), mended, earlier.model_file, earlier, as_set)
+    return Recorded(check, len(asked.bags), mended, earlier.model_file, earlier, as_set)
 
 
-def _answer(asked: Asked, measured: Measured, progress: Progress) -> Answer:
+def _answer(asked: Asked, measured: Recorded, progress: Progress) -> Answer:
     """Diagnose, and look for what the diagnosis leads to."""
     check, machine, conditioning = measured.check, measured.machine, measured.conditioning
     diagnosis, between = _diagnosis(measured, progress)
@@ -281,7 +281,7 @@ def _impossible_bodies(machine: Robot | Axis, diagnosis: Diagnosis) -> tuple[Rem
     return ()
 
 
-def _diagnosis(measured: Measured, progress: Progress
+def _diagnosis(measured: Recorded, progress: Progress
                ) -> tuple[Diagnosis | Unusable, LogDifferences | None]:
     """Diagnose the recordings, without what they differ in if they do."""
     machine, baseline = measured.machine, measured.baseline
@@ -296,7 +296,7 @@ def _diagnosis(measured: Measured, progress: Progress
     return diagnosed_apart(of_logs, len(measured.check.logs), machine, baseline, progress)
 
 
-def _changes(asked: Asked, measured: Measured, baseline: ModelFile, diagnosis: Diagnosis
+def _changes(asked: Asked, measured: Recorded, baseline: ModelFile, diagnosis: Diagnosis
              ) -> Changes:
     """Return what has changed since the earlier bags or, without them, since the model.
 
@@ -311,7 +311,7 @@ def _changes(asked: Asked, measured: Measured, baseline: ModelFile, diagnosis: D
                            shortened(asked.before), diagnosis.fit_runs[0].conditioning)
 
 
-def _outcome(measured: Measured, answer: Answer) -> Outcome:
+def _outcome(measured: Recorded, answer: Answer) -> Outcome:
     """Return the answer in words."""
     diagnosis, machine = answer.diagnosis, measured.machine
     outcome = outcome_of_diagnosis(diagnosis, machine, answer.experiment)
@@ -328,7 +328,7 @@ def _outcome(measured: Measured, answer: Answer) -> Outcome:
     return replace(outcome, first=(*outcome.first, *measured.earlier.setup_lines))
 
 
-def _write(asked: Asked, measured: Measured, answer: Answer, outcome: Outcome, progress: Progress
+def _write(asked: Asked, measured: Recorded, answer: Answer, outcome: Outcome, progress: Progress
            ) -> None:
     """Write all files in one step, and remove the motion that an earlier run proposed there."""
     machine, diagnosis, experiment = measured.machine, answer.diagnosis, answer.experiment

@@ -14,7 +14,7 @@ import numba
 import numpy as np
 
 from par4_kinematics.stamps import SECOND
-from par4_sim.bags.message_layout import ENCAPSULATION, Layout
+from par4_sim.bags.message_layout import ENCAPSULATION, MessageLayout
 
 _MESSAGE = 0x05
 _MESSAGE_HEAD = 22
@@ -143,7 +143,7 @@ def _gather(content, start, places, found):
             found[row, byte] = content[start[row] + places[byte]]
 
 
-def laid_out_alike(messages: SerialisedMessages, like: int, layout: Layout, rows: np.ndarray
+def laid_out_alike(messages: SerialisedMessages, like: int, layout: MessageLayout, rows: np.ndarray
                    ) -> np.ndarray:
     """Return which of `rows` (m,) are laid out as message `like`, (m,).
 
@@ -159,7 +159,7 @@ def laid_out_alike(messages: SerialisedMessages, like: int, layout: Layout, rows
     return alike
 
 
-def numbers_of(messages: SerialisedMessages, layout: Layout, rows: np.ndarray
+def numbers_of(messages: SerialisedMessages, layout: MessageLayout, rows: np.ndarray
                ) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, ...]]:
     """Return stamps (m,) ns, times from start (m, P) ns and arrays (m, P, -) of messages."""
     start = messages.start[rows] + ENCAPSULATION

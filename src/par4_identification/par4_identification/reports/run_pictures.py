@@ -9,7 +9,7 @@ import numpy as np
 from par4_identification.reports.names import Names
 from par4_identification.reports.outcome.identification import autocorrelation
 from par4_identification.reports.residual_plots import residual_statistics
-from par4_identification.reports.time_plots import Series
+from par4_identification.reports.time_plots import TorqueTraces
 from par4_identification.signals.rows import Run
 
 LAGS = 50
@@ -29,11 +29,12 @@ def joined_time(runs: Sequence[Run]) -> np.ndarray:
     return np.concatenate(times)
 
 
-def series_of_runs(runs: Sequence[Run], residuals: Sequence[np.ndarray]) -> Series:
+def series_of_runs(runs: Sequence[Run], residuals: Sequence[np.ndarray]) -> TorqueTraces:
     """Return measured and calculated torque of runs on one time axis, from residuals (m, J)."""
     measured = np.concatenate([run.tau for run in runs])
-    return Series(joined_time(runs), np.concatenate([run.speed for run in runs]), measured,
-                  measured - np.concatenate(residuals), np.concatenate([run.valid for run in runs]))
+    return TorqueTraces(joined_time(runs), np.concatenate([run.speed for run in runs]), measured,
+                        measured - np.concatenate(residuals),
+                        np.concatenate([run.valid for run in runs]))
 
 
 def statistics_of_runs(runs: Sequence[Run], residuals: Sequence[np.ndarray], floor: np.ndarray,

@@ -33,7 +33,7 @@ SLOW = 0.02
 
 
 @dataclass(frozen=True)
-class Series:
+class TorqueTraces:
     """Rows of measured and calculated torque on one time axis.
 
     Attributes:
@@ -50,7 +50,7 @@ class Series:
     moving: np.ndarray
 
 
-def torque_over_time(series: Series, names: Names) -> str:
+def torque_over_time(series: TorqueTraces, names: Names) -> str:
     """Return measured (red) and calculated (blue) torque with the residual beneath, per joint.
 
     The whole of it, and windows of slow and of fast motion: the paper's Fig. 7.
@@ -261,7 +261,7 @@ def _windows(t: np.ndarray) -> list[slice]:
     return windows or [slice(0, len(t))]
 
 
-def _slow_and_fast(series: Series) -> tuple[slice, slice]:
+def _slow_and_fast(series: TorqueTraces) -> tuple[slice, slice]:
     """Return the window in which moving joints are slowest and the one in which they are fastest.
     """
     windows = _windows(series.t)

@@ -31,7 +31,7 @@ HEADROOM = 0.16
 
 
 @dataclass(frozen=True)
-class Line:
+class PlottedSeries:
     """A series in a picture.
 
     Attributes:
@@ -61,7 +61,7 @@ class Panel:
 
     title: str
     unit: str
-    lines: tuple[Line, ...]
+    lines: tuple[PlottedSeries, ...]
     events: Mapping[int, int]
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from par4_identification.reports.outcome.trend import date_of, day, sentence_of_event
-from par4_identification.reports.trend_plots import Line, Panel
+from par4_identification.reports.trend_plots import Panel, PlottedSeries
 from par4_identification.reports.trend_plots import life as drawn_life
 from par4_identification.trend.channels import Channel
 from par4_identification.trend.course import Course
@@ -74,9 +74,9 @@ def _panel(life: Life, name: str, own: bool, members: Sequence[int], machine: Ro
         scale, shift = (100.0 / first, 100.0) if percent else (1.0, 0.0)
         label = (f'joint {channel.name.partition("[")[2].rstrip("]")}' if own else
                  in_words(channel.name))
-        lines.append(Line(label, scale * told - shift, abs(scale) * channel.std,
-                          scale * course.fitted - shift,
-                          tuple(item.index for item in course.changes if item.step)))
+        lines.append(PlottedSeries(label, scale * told - shift, abs(scale) * channel.std,
+                                   scale * course.fitted - shift,
+                                   tuple(item.index for item in course.changes if item.step)))
     yearly = any(np.nanmax(np.abs(life.courses[index].wave)) > 0.0 for index in members)
     factor = life.channels[members[0]].is_factor
     title = 'platform masses' if name == 'platform_mass' else words

@@ -24,8 +24,8 @@ from par4_identification.setup_check.placement import (
     ERRORS,
     FIRST_LEG,
     OF_LEGS,
+    Placed,
     Placement,
-    Solution,
     placement_at,
     with_dimensions,
 )
@@ -164,16 +164,16 @@ def largest_errors(geometry: Geometry) -> np.ndarray:
     return np.minimum(LARGEST, np.concatenate((np.full(LEGS, np.inf), LARGEST_PART * lengths)))
 
 
-def _explained(plain: Placement) -> tuple[Solution | None, float]:
+def _explained(plain: Placement) -> tuple[Placed | None, float]:
     """Return the errors that explain decisively more than none, or None, and what is left."""
     return _plain_or_rich(plain, np.zeros(ERRORS), _best)
 
 
-def _begun(plain: Placement, start: np.ndarray) -> tuple[Solution | None, float]:
+def _begun(plain: Placement, start: np.ndarray) -> tuple[Placed | None, float]:
     """Return the errors to which a start leads, or None, and what is left."""
     group = ZEROS if start[:LEGS].any() else tuple(map(int, np.flatnonzero(start)))
 
-    def ended(placement: Placement, start: Solution) -> Solution | None:
+    def ended(placement: Placement, start: Placed) -> Placed | None:
         try:
             return _pruned(placement, placement.solve(group, start.values), group)
         except UnreachableError:
@@ -183,8 +183,8 @@ def _begun(plain: Placement, start: np.ndarray) -> tuple[Solution | None, float]
 
 
 def _plain_or_rich(plain: Placement, start: np.ndarray,
-                   search: Callable[[Placement, Solution], Solution | None]
-                   ) -> tuple[Solution | None, float]:
+                   search: Callable[[Placement, Placed], Placed | None]
+                   ) -> tuple[Placed | None, float]:
     """Return what a search finds in a plain machine if that explains all that a rich one does.
 
     Else what it finds beside all that a machine may have; and |residual| / |torque|.
@@ -200,7 +200,7 @@ def _plain_or_rich(plain: Placement, start: np.ndarray,
     return (found, left) if left < PLAIN * least else (other, least)
 
 
-def _best(placement: Placement, nothing: Solution) -> Solution | None:
+def _best(placement: Placement, nothing: Placed) -> Placed | None:
     """Return the hypothesis that explains most, if it explains decisively more than none.
 
     None, too, where an error too small for a mistake of the setup explains more: a larger one of
@@ -221,17 +221,17 @@ def _best(placement: Placement, nothing: Solution) -> Solution | None:
     return best if best.left < FEWER * nothing.left and _weighed(best) < small else None
 
 
-def _weighed(solution: Solution) -> float:
+def _weighed(solution: Placed) -> float:
     """Return what errors leave, the more of them the dearer."""
     return float(solution.left * EACH ** np.count_nonzero(solution.values))
 
 
-def _is_sure(solution: Solution, free: Sequence[int]) -> bool:
+def _is_sure(solution: Placed, free: Sequence[int]) -> bool:
     """Return whether one of the errors is surely not zero."""
     return bool(np.any(np.abs(solution.values[free]) >= DEVIATIONS_ALONE * solution.std[free]))
 
 
-def _pruned(placement: Placement, solution: Solution, free: Sequence[int]) -> Solution | None:
+def _pruned(placement: Placement, solution: Placed, free: Sequence[int]) -> Placed | None:
     """Return the solution without errors that are small or not sure; None where none is left."""
     free = list(free)
     while free:

@@ -36,7 +36,7 @@ LEAST_SHOWN, MOST_SHOWN = 0.4, 1.2
 
 
 @dataclass(frozen=True)
-class Answer:
+class DriveAnswer:
     """What torque answers readings.
 
     Attributes:
@@ -60,7 +60,7 @@ class Answer:
         return tells and within(share / factor) and not within(share)
 
 
-def answer_of(logs: Sequence[Log], drives: Drives) -> Answer | None:
+def answer_of(logs: Sequence[Log], drives: Drives) -> DriveAnswer | None:
     """Return how hard the drives answer, or None where that does not show or tells no scale.
 
     Args:
@@ -91,4 +91,4 @@ def answer_of(logs: Sequence[Log], drives: Drives) -> Answer | None:
         return None
     middle = float(np.median(found))
     std = 1.4826 * float(np.median(np.abs(np.array(found) - middle))) / np.sqrt(len(found))
-    return Answer(middle, expected) if middle > DEVIATIONS * std > 0.0 else None
+    return DriveAnswer(middle, expected) if middle > DEVIATIONS * std > 0.0 else None

@@ -184,7 +184,7 @@ class Equations:
         """W^T W (p, p) of `moving_columns` over all joints."""
         return sum(columns.T @ columns for columns in self.moving_columns)
 
-    def fit(self, tau: np.ndarray | None = None) -> Fit:
+    def fit(self, tau: np.ndarray | None = None) -> BaseFit:
         """Return the fit to torques (m, J), those recorded by default, in motion."""
         tau = self.tau if tau is None else tau
         parts = [self.without_slack(tau[:, joint], joint) for joint in range(tau.shape[1])]
@@ -206,7 +206,7 @@ class Equations:
 
 
 @dataclass(frozen=True)
-class Fit:
+class BaseFit:
     """A fit of the base parameters.
 
     Attributes:
@@ -230,10 +230,10 @@ class Fit:
         return is_physical(self.values)
 
 
-def fit_of_moments(information: np.ndarray, moment: np.ndarray, power: float) -> Fit:
+def fit_of_moments(information: np.ndarray, moment: np.ndarray, power: float) -> BaseFit:
     """Return the fit of normal equations; directions that no row excites stay zero."""
     values = np.linalg.lstsq(information, moment, rcond=1e-10)[0]
-    return Fit(values, max(power - float(moment @ values), 0.0), power)
+    return BaseFit(values, max(power - float(moment @ values), 0.0), power)
 
 
 def is_physical(values: np.ndarray) -> bool:

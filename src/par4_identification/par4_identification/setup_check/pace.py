@@ -40,7 +40,7 @@ WHOLE = 0.06
 
 
 @dataclass(frozen=True)
-class Pace:
+class TimeFactor:
     """By which factor the times of a log are too short or too long.
 
     Attributes:
@@ -62,13 +62,13 @@ class Pace:
         nearest = round(max(self.factor, 1.0 / self.factor))
         return float(nearest) if self.factor > 1.0 else 1.0 / nearest
 
-    def rounded(self) -> Pace:
+    def rounded(self) -> TimeFactor:
         """Return the pace by a whole number, or one over it, if it is one but for its error."""
         near = abs(np.log(self.factor / self._whole)) < WHOLE
         return replace(self, factor=self._whole) if near else self
 
 
-def pace_of(stretches: Sequence[Stretch], geometry: Geometry) -> Pace | None:
+def pace_of(stretches: Sequence[Stretch], geometry: Geometry) -> TimeFactor | None:
     """Return the factor by which the times of stretches are off; None where they may be right.
 
     Raises:
@@ -92,7 +92,7 @@ def pace_of(stretches: Sequence[Stretch], geometry: Geometry) -> Pace | None:
         return None  # no bottom within reach
     found = scipy.optimize.minimize_scalar(
         error, bounds=PLACES[[lowest - 1, lowest + 1]], method='bounded', options={'xatol': 1e-3})
-    pace = Pace(float(np.exp(found.x)), before, float(found.fun)).rounded()
+    pace = TimeFactor(float(np.exp(found.x)), before, float(found.fun)).rounded()
     if abs(np.log(pace.factor)) < np.log(LEAST) or pace.after > min(LEFT, FEWER * before):
         return None
     return pace
@@ -104,7 +104,7 @@ def _paced(part: Stretch, factor: float) -> Stretch:
                    qdd=part.qdd / factor ** 2, cutoff_hz=part.cutoff_hz / factor)
 
 
-def pace_finding(pace: Pace, log: Log) -> Finding:
+def pace_finding(pace: TimeFactor, log: Log) -> Finding:
     """Return what the times of a log are off by, as a finding."""
     rate, stamped = 1.0 / (pace.factor * log.period), 1.0 / log.period
     return Finding(

@@ -67,7 +67,7 @@ singular one."""
 
 
 @dataclass(frozen=True)
-class Solution:
+class Placed:
     """Errors of zeros and dimensions with everything linear refitted.
 
     Attributes:
@@ -155,12 +155,12 @@ class Placement:
         return columns_at(moved, with_dimensions(self._geometry, values[LEGS:]),
                           columns_of=columns_of)
 
-    def relative(self, solution: Solution) -> float:
+    def relative(self, solution: Placed) -> float:
         """Return |residual| / |torque| of a solution, the residual for each degree of freedom."""
         freedom = self.size - self._beside.shape[1] - len(solution.chi)
         return float(np.sqrt(solution.left / max(freedom, 1.0))) / max(self.torque, 1e-12)
 
-    def fitted(self, values: np.ndarray) -> Solution:
+    def fitted(self, values: np.ndarray) -> Placed:
         """Return what these errors leave.
 
         Raises:
@@ -174,10 +174,10 @@ class Placement:
         shares = left.T @ self._target
         chi = right[kept].T @ (shares[kept] / sizes[kept]) / scale
         residual = self._target - left[:, kept] @ shares[kept]
-        return Solution(values, np.zeros(ERRORS), float(residual @ residual), columns,
-                        left[:, kept], chi, residual)
+        return Placed(values, np.zeros(ERRORS), float(residual @ residual), columns,
+                      left[:, kept], chi, residual)
 
-    def _slopes(self, solution: Solution, free: Sequence[int]) -> np.ndarray:
+    def _slopes(self, solution: Placed, free: Sequence[int]) -> np.ndarray:
         """Return how the residual falls with some errors, the bodies refitted, (m, k)."""
         found = []
         for index in free:
@@ -195,7 +195,7 @@ class Placement:
         slopes = np.stack(found, axis=1)
         return slopes - solution.basis @ (solution.basis.T @ slopes)
 
-    def linear(self, nothing: Solution, groups: Sequence[Sequence[int]]
+    def linear(self, nothing: Placed, groups: Sequence[Sequence[int]]
                ) -> list[tuple[np.ndarray, np.ndarray]]:
         """Return values and deviations that groups of errors would have if all were linear."""
         slopes = self._slopes(nothing, range(ERRORS))
@@ -206,7 +206,7 @@ class Placement:
             found.append((step, self._std(nothing, own, nothing.residual - own @ step)))
         return found
 
-    def solve(self, free: Sequence[int], start: np.ndarray) -> Solution:
+    def solve(self, free: Sequence[int], start: np.ndarray) -> Placed:
         """Return the best values of some errors, the others as they are (Gauss, Newton).
 
         Raises:
@@ -229,7 +229,7 @@ class Placement:
         std[free] = self._std(now, slopes, now.residual)
         return replace(now, std=std)
 
-    def _descended(self, now: Solution, free: Sequence[int], step: np.ndarray) -> Solution | None:
+    def _descended(self, now: Placed, free: Sequence[int], step: np.ndarray) -> Placed | None:
         """Return the solution a step or a part of it ahead; None where nothing is gained."""
         for part in (1.0, 0.4, 0.16, 0.06):
             values = now.values.copy()
@@ -242,7 +242,7 @@ class Placement:
                 return trial
         return None
 
-    def _std(self, solution: Solution, slopes: np.ndarray, residual: np.ndarray) -> np.ndarray:
+    def _std(self, solution: Placed, slopes: np.ndarray, residual: np.ndarray) -> np.ndarray:
         """Return clustered standard deviations of values with these slopes (m, k)."""
         beside = np.column_stack((self._beside, solution.basis))
         return clustered_std(slopes, residual, self._cluster, beside)

@@ -19,7 +19,7 @@ from par4_dynamics.parameters import Parameter
 from par4_dynamics.state import State
 from par4_identification.logs.log import Log
 from par4_identification.setup_check.clustered import basis_of, clustered_std, clusters_of
-from par4_identification.setup_check.equations import Equations, Fit
+from par4_identification.setup_check.equations import BaseFit, Equations
 from par4_identification.setup_check.finding import Amount, Finding
 from par4_sim.report.words import number, percent
 
@@ -80,8 +80,8 @@ class Timing:
     start: float
     end: float
     std: tuple[float, float]
-    before: Fit
-    after: Fit
+    before: BaseFit
+    after: BaseFit
 
     def late(self, t: np.ndarray) -> np.ndarray:
         """Return by how much the torque of times t (n,) is recorded late, s."""
@@ -191,7 +191,7 @@ class _Refined:
     rate: float
     delay_std: float
     rate_std: float
-    fit: Fit
+    fit: BaseFit
 
 
 def _refined(rows: Equations, torque: _Torque, delay: float, middle: float, drifts: bool

@@ -21,7 +21,7 @@ ENCAPSULATION = 4
 
 
 @dataclass(frozen=True)
-class Layout:
+class MessageLayout:
     """Where the numbers stand in little-endian messages that are alike in everything else.
 
     A JointState is laid out as a JointTrajectory of one point without a time of its own.
@@ -45,12 +45,12 @@ Points = tuple[list[list[range]], list[int]]
 """Where the numbers of the arrays of each point stand, and its time from start."""
 
 
-def joint_state_layout(data: bytes) -> Layout | None:
+def joint_state_layout(data: bytes) -> MessageLayout | None:
     """Return the layout of a serialised JointState, or None if it is none."""
     return _layout(data, lambda scan: ([[scan.numbers() for _ in range(3)]], []))
 
 
-def trajectory_layout(data: bytes) -> Layout | None:
+def trajectory_layout(data: bytes) -> MessageLayout | None:
     """Return the layout of a serialised JointTrajectory with points alike, or None."""
     def points(scan: _Scan) -> Points:
         arrays, after = [], []
@@ -62,7 +62,7 @@ def trajectory_layout(data: bytes) -> Layout | None:
     return _layout(data, points)
 
 
-def _layout(data: bytes, points: Callable[[_Scan], Points]) -> Layout | None:
+def _layout(data: bytes, points: Callable[[_Scan], Points]) -> MessageLayout | None:
     if data[:2] != b'\x00\x01':  # little-endian, without parameters
         return None
     scan = _Scan(data)
@@ -71,9 +71,10 @@ def _layout(data: bytes, points: Callable[[_Scan], Points]) -> Layout | None:
         scan.text()
         names = tuple(scan.text() for _ in range(scan.count()))
         arrays, after = points(scan)
-        return Layout(names, scan.alike,
-                      tuple(np.array(part, dtype=np.int64) for part in zip(*arrays, strict=True)),
-                      np.array(after, dtype=np.int64))
+        return MessageLayout(
+            names, scan.alike,
+            tuple(np.array(part, dtype=np.int64) for part in zip(*arrays, strict=True)),
+            np.array(after, dtype=np.int64))
     except (struct.error, ValueError):  # cut off, or points that differ
         return None
 

@@ -36,7 +36,7 @@ from par4_identification.diagnosis.verdict.answer import Cause
 
 STEPS, LONGEST = 8, 0.3
 """Of the descent, and its longest step in the logarithm of a compliance or of the damping."""
-SURE = 0.2
+TOLD_WITHIN = 0.2
 """Standard deviation of a logarithm up to which these rows tell the value; others stay."""
 TWISTS = 4.0
 """Compliance over that of the stiffest transmission from which on a joint twists."""
@@ -119,7 +119,7 @@ def unbiased(item: Hypothesis, projection: Projection, dithered: Dithered) -> Hy
         gram = slopes.T @ slopes
         if not way:
             whole = np.linalg.pinv(gram, rcond=1e-12, hermitian=True)
-            moves = loads.twist & (np.sqrt(np.diag(whole)) < SURE)
+            moves = loads.twist & (np.sqrt(np.diag(whole)) < TOLD_WITHIN)
             if not moves.any():
                 return None
         step = np.zeros(loads.count)
