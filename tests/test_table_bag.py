@@ -365,6 +365,21 @@ def test_what_a_joint_moves_while_the_logger_pauses_is_no_wrap(tool, tmp_path, c
     assert 'jumps' not in told.out
 
 
+def test_a_fast_motor_in_a_slow_log_is_no_encoder_that_wraps(tool, tmp_path):
+    """At 10 turns a second and 30 Hz a wheel goes on by 0.4 turns between two late readings."""
+    time = np.cumsum(np.random.default_rng(4).choice((0.02, 0.033, 0.06), 1500))
+    speed = 2.0 * np.pi * np.interp(time % 10.0, (0.0, 6.0, 7.0, 9.0, 10.0), (1, 1, -10, -10, 1))
+    q = np.cumsum(speed * np.diff(time, prepend=0.0))
+    common = ('--columns', 'time=t:s position=q:rad torque=tau:Nm', '--joints', 'wheel', '--output')
+    told = tool(csv(tmp_path / 'log.csv', t=time, q=q, tau=np.sign(speed)), *common,
+                tmp_path / 'bag')
+    assert 'jumps' not in told.out
+    q[700:] += 2.0 * np.pi
+    told = tool(csv(tmp_path / 'one.csv', t=time, q=q, tau=np.sign(speed)), *common,
+                tmp_path / 'one')
+    assert 'at row 701; where the encoder wraps around' in told.out
+
+
 def test_a_part_of_a_log_and_an_encoder_that_wraps(tool, tmp_path):
     turns = 3.0 * T / T[-1]
     path = csv(tmp_path / 'log.csv', t=T, q=turns % 1.0, tau=TAU)

@@ -13,7 +13,7 @@ import numpy as np
 from par4_identification.logs.accounts import clipped_words, held_words
 from par4_identification.logs.clips import clips_of, levels_of
 from par4_identification.logs.counters import restarts_of
-from par4_identification.logs.jumps import count_of, jumps_of
+from par4_identification.logs.jumps import count_of, jumps_of, median_of_others
 from par4_identification.logs.refresh import FEWEST, jumps, refresh_of
 from par4_identification.logs.stamps import GAP, SHORTEST_PERIOD
 from par4_identification.logs.units import JointKind, si_unit
@@ -22,6 +22,8 @@ FEW = 10.0
 """Spacings up to so many usual ones tell the rate: rounded stamps and jitter average out."""
 JUMP = 0.4
 """Turns between two samples above which a position has wrapped around or slipped."""
+LEAST_TIME = 0.1
+"""Of the usual time from reading to reading, that one may have come after another at least."""
 WHOLE_TURN = 0.02
 """Turns by which the range of a counter may miss whole ones."""
 RESTS, REPEATED = 0.3, 0.5
@@ -278,7 +280,7 @@ class Measured:
                 continue  # said elsewhere
             q, apart, spacing = column[rows], np.diff(rows), np.diff(self.stamp[rows])
             again = restarts_of(q, apart / np.median(apart))
-            jumped = np.flatnonzero(_wraps(q) & (apart <= GAP * np.median(apart))
+            jumped = np.flatnonzero(_wraps(q, spacing) & (apart <= GAP * np.median(apart))
                                     & (spacing <= FEW * np.median(spacing)))
             if again is not None:
                 whole = again.way / (2.0 * np.pi) if self.kind == 'revolute' else 0.5
@@ -318,7 +320,7 @@ class Measured:
             spacing = 1e-9 * np.diff(self.stamp[known])
             whole = (spacing > 0.0) & (spacing <= GAP * np.median(spacing)) & ~jumps_of(q)[1]
             if self.kind == 'revolute':
-                whole &= ~_wraps(q)
+                whole &= ~_wraps(q, spacing)
             q, way = (np.cumsum(np.where(whole, steps, 0.0)) for steps in (
                 np.diff(q), 0.5 * (qd[1:] + qd[:-1]) * spacing))
             if np.ptp(q) == 0.0 or np.ptp(way) == 0.0:
@@ -349,9 +351,15 @@ def _interpolated(values: np.ndarray) -> int:
     return 0
 
 
-def _wraps(q: np.ndarray) -> np.ndarray:
-    """Return which steps of positions (n,), rad, are as large as those of an encoder that wraps."""
-    turns = np.abs(np.diff(q)) / (2.0 * np.pi)
+def _wraps(q: np.ndarray, spacing: np.ndarray) -> np.ndarray:
+    """Return which steps of positions (n,), rad, are as large as those of an encoder that wraps.
+
+    That is beside the motion around them, of which a slow log of a fast joint has as much in the
+    time (n - 1,) from one reading to the next.
+    """
+    step = np.diff(q)
+    time = np.maximum(spacing, LEAST_TIME * max(float(np.median(spacing)), 1e-30))
+    turns = np.abs(step - time * median_of_others(step / time)) / (2.0 * np.pi)
     return turns > max(JUMP, 20.0 * float(np.median(turns)))
 
 
