@@ -16,6 +16,7 @@ from par4_identification.diagnosis.diagnosis import CONDITIONING, LIBRARY, diagn
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import observe
 from par4_identification.diagnosis.search.rules import OF_AXIS
+from par4_identification.diagnosis.verdict.answer import Unusable
 from par4_identification.diagnosis.verdict.sure import is_no_noise
 from par4_identification.fitting.identification import identify
 from par4_identification.reports.outcome.diagnosis import outcome_of_diagnosis
@@ -157,3 +158,21 @@ def test_a_series_explains_what_it_follows_more_closely_than_a_law_does(names, s
     left = [share * part for part in torque]
     named = [Hypothesis(CATALOGUE[name], {}, (0,)) for name in names]
     assert is_no_noise(observations, left, torque, named, np.full(1, 1e-3), OF_AXIS) is expected
+
+
+@pytest.mark.parametrize(('sign', 'verdict'), [(1.0, 'explained'), (-1.0, None)])
+def test_a_load_on_a_drum_that_is_mostly_lowered_drives_no_friction(sign, verdict):
+    """It was refused for friction that drives; with its torque turned over it was explained."""
+    t = np.arange(0.0, 60.0, 0.01)
+    speed = np.interp(t % 12.0, (0, 1, 8, 9, 9.5, 11, 11.5, 12), (0, -3, -3, 0, 9, 9, 0, 0))
+    tau = (0.29 + 0.02 * np.sign(speed) + 0.001 * speed + 0.0005 * np.gradient(speed, t)
+           + 0.003 * np.random.default_rng(0).standard_normal(len(t)))
+    log = log_of(t, np.cumsum(speed) * 0.01, sign * tau)
+    answer = diagnose([log], axis(), conditioning=conditioning_for([log], axis(), CONDITIONING))
+    if verdict is None:
+        assert isinstance(answer, Unusable)
+        assert 'friction comes out driving the joint' in answer.reasons[0]
+        return
+    cause, = answer.causes
+    assert (answer.verdict, cause.effect.name) == (verdict, 'torque_offset')
+    np.testing.assert_allclose(cause.parameters['offset'].value, 0.29, rtol=0.01)

@@ -225,7 +225,9 @@ def _diagnosed_runs(fit_runs: list[Run], holdout_runs: list[Run], machine: Robot
                             progress)
     if start.unless_mended and not (answer.causes and is_mended(answer.base_after)):
         return Unusable(start.unless_mended, tuple(fit_runs))
-    by_speed = any(cause.effect.told_by_speeds for cause in answer.causes) or (
+    # an offset, or what differs between the directions, drives as much as it brakes
+    by_speed = any(cause.effect.told_by_speeds and not cause.effect.needs_both_ways
+                   for cause in answer.causes) or (
         baseline is not None and bool(baseline.effects))
     if isinstance(machine, Axis) and answer.verdict in ('clean', 'explained') and not by_speed:
         driving = driving_when_fast(answer.base_after, fit_runs)

@@ -3,7 +3,8 @@
 The data of a Par4 must show all its base parameters. Only the inertia of its actuators may stay
 unclear until causes are found. An axis may be any machine. If the bodies alone do not explain
 enough of its torque, they are fitted again beside a torque that depends on the position, periodic
-or not; an inertia that its motion does not show is that of the model that was given, or left out.
+or not, and beside a constant one; an inertia that its motion does not show is that of the model
+that was given, or left out.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from par4_dynamics.base_terms import FRICTION, INERTIA
 from par4_dynamics.effects.cogging import Cogging
 from par4_dynamics.effects.effect import Effect
 from par4_dynamics.effects.position_torque import PositionTorque
+from par4_dynamics.effects.torque_offset import TorqueOffset
 from par4_dynamics.model_file import RigidBody
 from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis.evidence.evidence import gather
@@ -37,6 +39,8 @@ STRONGER = 2.0
 model without inertia is held against rows."""
 BOUND = Cogging(), PositionTorque()
 """Torques that depend on the position alone."""
+LOAD = TorqueOffset()
+"""A load that hangs on a drum, which a log that mostly lowers it makes driving friction of."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +54,7 @@ class Start:
         reasons: why the data cannot carry a diagnosis, each with what to do; empty if they can.
         unless_mended: why they cannot unless causes are found beside which the motion shows the
             inertia, and friction brakes; empty if that is no reason.
-        bound: whether most of the torque depends on the position alone.
+        bound: whether most of the torque depends on the position alone, or on nothing.
         inertia: of the actuators where the motion does not show it and a model tells it, (J,),
             kg m2 or kg; its torque is not in the rows then.
     """
@@ -96,7 +100,7 @@ def start_of(observations: Observations, machine: Robot | Axis, rigid_body: Rigi
             again = _start(known, None, machine, rigid_body, (INERTIA,))
             return start if again.reasons else replace(again, inertia=inertia)
         return replace(start, reasons=()) if start.unless_mended else start
-    bound = () if observations.steady else BOUND
+    bound = () if observations.steady else (*BOUND, LOAD)
     for effects in ((), *((effect,) for effect in bound)):
         target = _without(effects, observations, rules) if effects else None
         again = _start(observations, target, machine, rigid_body)
