@@ -59,6 +59,23 @@ def test_stamps_that_are_late_by_a_fifth_of_their_spacing_are_put_back(tmp_path,
     np.testing.assert_allclose(identified(log), (INERTIA, COULOMB, VISCOUS), rtol=0.01)
 
 
+@pytest.mark.parametrize('wander', [0.012, 0.03])
+def test_positions_that_are_held_are_put_back_without_the_torques_between_them(tmp_path, wander):
+    """A drive sends positions every 20 ms, by a clock of its own, into a log of 5 ms.
+
+    Torques at the stamps of positions were moved past those between them (a traceback), and
+    positions by more than a period of theirs where one was counted that never came.
+    """
+    t, q, qd, qdd = swings(30.0, rate=200.0, fastest=0.5)
+    sent = 0.02 * np.arange(1490)
+    sent = sent + 0.03 + wander * np.sin(2.0 * np.pi * sent / 8.0)
+    seen = np.searchsorted(np.ceil(sent / 0.005), np.arange(len(t)), 'right') - 1
+    log = read(tmp_path / 'bag', t, np.interp(sent, t, q)[seen.clip(0)], torque_of(qd, qdd))
+    assert log.accounts.held == {'position': pytest.approx(0.02)}
+    assert log.accounts.jitter < 0.007
+    np.testing.assert_allclose(identified(log), (INERTIA, COULOMB, VISCOUS), rtol=0.07)
+
+
 @pytest.mark.parametrize('share', [0.001, 0.02, 0.2])
 def test_losses_under_right_stamps_stay_losses(tmp_path, share):
     t, q, qd, qdd = swings(30.0)

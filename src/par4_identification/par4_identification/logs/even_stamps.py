@@ -9,6 +9,7 @@ the times are the right ones.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +22,11 @@ SMOOTHER = 0.5
 at their stamps, below which the stamps are wrong."""
 FEWEST = 100
 """Readings with a neighbour on either side that can tell."""
+LONG, DRIFTS = 50, 0.5
+"""Readings over which jitter averages out, and the share of a period by which their mean may be off
+the even times: beyond, a reading that is missing was counted wrongly."""
+TOGETHER = 0.5
+"""Least share of the torques with the stamp of a position from which both were read at once."""
 CLIPPED = 0.99
 """Quantile of these squares beyond which one counts no more: a wrong reading is off both lines."""
 
@@ -28,9 +34,10 @@ CLIPPED = 0.99
 def evened(position: Series, torque: Series) -> tuple[Series, Series, float]:
     """Return positions and torques at the even times at which they were read.
 
-    Torques of the same stamps were read at the same times. With them goes by how much the stamps
-    jitter, s rms; zero, and the same series, where they do not or where they are right. What is
-    missing is told by the spacings, or by long stretches alone if readings are smoother so.
+    Torques of the same stamps were read at the same times; those that have others, as beside
+    positions that are held, keep theirs. With them goes by how much the stamps jitter, s rms; zero,
+    and the same series, where they do not or where they are right. What is missing is told by the
+    spacings, or by long stretches alone if readings are smoother so.
     """
     stamp = position.stamp.astype(float)
     if len(stamp) < FEWEST:
@@ -47,7 +54,8 @@ def evened(position: Series, torque: Series) -> tuple[Series, Series, float]:
     for numbers_of in (by_line, in_a_row):
         line = numbered(stamp, parts, position.period, numbers_of)
         even = np.concatenate(line.times)
-        if line.off <= EVEN * line.period or np.diff(even).min() <= 0.0:
+        if line.off <= EVEN * line.period or np.diff(even).min() <= 0.0 or (
+                _drift(stamp - even, parts) > DRIFTS * line.period):
             continue
         at_even = np.sum(np.minimum(_off_the_line(even, way)[beside], most))
         if at_even < SMOOTHER * roughness:
@@ -56,10 +64,18 @@ def evened(position: Series, torque: Series) -> tuple[Series, Series, float]:
         return position, torque, 0.0
     jitter = float(np.sqrt(np.mean((stamp - best) ** 2)))
     moved = np.round(best).astype(position.stamp.dtype)
-    place = np.searchsorted(position.stamp, torque.stamp).clip(max=len(stamp) - 1)
-    same = position.stamp[place] == torque.stamp
-    return (_at(position, moved), _at(torque, np.where(same, moved[place], torque.stamp)),
+    if np.mean(np.isin(torque.stamp, position.stamp)) < TOGETHER:
+        return _at(position, moved), torque, 1e-9 * jitter
+    # of a torque between two positions the time goes with theirs, so that the order stays
+    move = np.interp(torque.stamp.astype(float), stamp, moved - stamp)
+    return (_at(position, moved), _at(torque, torque.stamp + np.round(move).astype(moved.dtype)),
             1e-9 * jitter)
+
+
+def _drift(off: np.ndarray, parts: Sequence[np.ndarray]) -> float:
+    """Return the largest mean by which readings of one of the parts are off, `LONG` at a time."""
+    return max(float(np.abs(np.convolve(off[part], np.full(LONG, 1.0 / LONG), 'valid')).max())
+               if len(part) >= LONG else 0.0 for part in parts)
 
 
 def _at(series: Series, stamp: np.ndarray) -> Series:
