@@ -165,7 +165,7 @@ def test_a_load_in_one_recording_is_taken_out_before_causes_are_looked_for(monke
         return diagnose(*args[:4], SEARCHED if library is None else library, *args[5:])
 
     monkeypatch.setattr(jobs, 'diagnose', watched)
-    measured = jobs.Measured(check, 1, CONDITIONING, None, None, False)
+    measured = jobs.Recorded(check, 1, CONDITIONING, None, None, False)
     found, between = jobs._diagnosis(measured, lambda _step: None)
     assert readings_of(between) == {
         ('loaded', Added(None, 'platform_mass_1')): pytest.approx(0.6, abs=0.005)}
