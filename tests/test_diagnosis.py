@@ -373,6 +373,20 @@ def test_bootstrap_interval_covers_the_gain():
     assert nothing.low < 0.0 < nothing.high
 
 
+def test_blocks_in_which_the_machine_rests_are_not_drawn():
+    """Of a log that rests most of the time a seventh of the draws held no row, and no gain."""
+    t = np.arange(0.0, 12.0, 0.01)
+    valid = ((t > 3.0) & (t < 3.8))[:, None]
+    blocks = blocks_of_runs([t], [valid])
+    moving = blocks.counts()[:, 0] > 0.0
+    assert moving.sum() == 2
+    assert np.all(blocks.draws[:, moving].sum(axis=1) == 2.0)
+    assert not blocks.draws[:, ~moving].any()
+    noise = np.random.default_rng(1).standard_normal(len(t))
+    before, after = (np.where(valid[:, 0], level * noise, 0.0) for level in (3.0, 1.0))
+    assert blocks.whitened_gain(before, after).low == pytest.approx(8.0 / 9.0)
+
+
 @pytest.mark.parametrize('seed', [11, 14])
 def test_a_sound_machine_that_creeps_and_then_runs_is_clean(seed):
     """Friction just before a joint sticks is less than its law; no cause of a machine does that."""

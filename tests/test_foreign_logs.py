@@ -148,7 +148,8 @@ def test_a_constant_weight_excuses_nothing_that_is_left():
 
 @pytest.mark.parametrize(('names', 'share', 'expected'), [
     (('position_torque',), 0.05, True), (('position_torque', 'cogging'), 0.05, True),
-    (('position_torque',), 0.03, False), (('stribeck',), 0.05, False),
+    (('torque_offset',), 0.05, True), (('position_torque',), 0.03, False),
+    (('stribeck',), 0.05, False),
     (('stribeck',), 0.12, True), (('cogging', 'stribeck'), 0.05, False)])
 def test_a_series_explains_what_it_follows_more_closely_than_a_law_does(names, share, expected):
     """A spring that creeps left 7 % of its torque, 33 times the noise, and all was explained."""

@@ -230,7 +230,9 @@ def _diagnosed_runs(fit_runs: list[Run], holdout_runs: list[Run], machine: Robot
                    for cause in answer.causes) or (
         baseline is not None and bool(baseline.effects))
     if isinstance(machine, Axis) and answer.verdict in ('clean', 'explained') and not by_speed:
-        driving = driving_when_fast(answer.base_after, fit_runs)
+        # what a law may get wrong makes no friction drive: the noise alone tells whether it does
+        driving = driving_when_fast(base_parameters(answer.evidence, solve(
+            answer.evidence, answer.hypotheses)), fit_runs)
         if driving is not None:
             return Unusable((driving,), tuple(fit_runs))
     return answer

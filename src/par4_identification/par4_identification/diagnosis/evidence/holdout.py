@@ -74,12 +74,18 @@ class Blocks:
 
 
 def blocks_of_runs(times: Sequence[np.ndarray], valid: Sequence[np.ndarray]) -> Blocks:
-    """Return blocks of `BLOCK` seconds over runs with row times (m,), with seeded draws."""
+    """Return blocks of `BLOCK` seconds over runs with row times (m,), with seeded draws.
+
+    Blocks without a valid row, in which the machine rests, are not drawn.
+    """
     labels, first = [], 0
     for time in times:
         label = ((time - time[0]) / BLOCK).astype(int) + first
         first = int(label[-1]) + 1
         labels.append(label)
     random = np.random.default_rng(0)
-    draws = random.multinomial(first, np.full(first, 1.0 / first), size=DRAWS).astype(float)
+    held = np.bincount(np.concatenate(labels), np.concatenate(
+        [part.any(axis=1) for part in valid]), first) > 0
+    count = max(int(held.sum()), 1)
+    draws = random.multinomial(count, held / count, size=DRAWS).astype(float)
     return Blocks(tuple(labels), tuple(valid), draws)

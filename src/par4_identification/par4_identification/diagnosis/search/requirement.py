@@ -83,13 +83,15 @@ def torque_errors(evidence: Evidence, fit: Fit, rules: Rules) -> list[np.ndarray
     """Return the torques by which a model may be wrong, on whitened rows, (N,) each.
 
     There are up to three: the share of the measured torque, of that of the named causes and of that
-    of the unnamed causes that `Rules` says may be wrong. The rows may be others than were fitted.
+    of the unnamed causes that `Rules` says may be wrong; of a constant torque, which has no law, it
+    is that of a Par4. The rows may be others than were fitted.
     """
     torques = [evidence.columns(item) @ item.stacked(coefficients)
                for item, coefficients in zip(fit.hypotheses, fit.coefficients)]
     kinds = [isinstance(item.effect, Kind) for item in fit.hypotheses]
     measured = evidence.whitened([run.tau for run in evidence.observations.runs])
-    wrong = [error_of(item, rules) * torque
+    wrong = [(error_of(item, rules) if item.named.variables else
+              min(rules.named_error, OF_PAR4.named_error)) * torque
              for item, torque, kind in zip(fit.hypotheses, torques, kinds) if not kind]
     parts = ([rules.base_error * measured], wrong,
              [rules.unnamed_error * torque for torque, kind in zip(torques, kinds) if kind])

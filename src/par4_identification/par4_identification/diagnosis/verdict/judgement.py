@@ -11,7 +11,7 @@ import scipy
 from par4_identification.diagnosis.evidence.fit import solve
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.kind import Kind
-from par4_identification.diagnosis.evidence.observations import Observations
+from par4_identification.diagnosis.evidence.pool import Pool
 from par4_identification.diagnosis.search.causes import Hypotheses, named_of, others_of
 from par4_identification.diagnosis.search.search import Rival, Search
 from par4_identification.diagnosis.search.simplicity import best_first
@@ -118,22 +118,25 @@ def unnamed_cause(search: Search, cause: Hypothesis, model: Hypotheses) -> Unnam
     base, here = pool.fit(()), pool.fit(model)
     explained = base.heldout_squares - here.heldout_squares
     coefficients = solve(pool.evidence, model).coefficients[model.index(cause)]
-    torque = _beyond_base(pool.heldout.observations, cause, coefficients)
+    torque = _beyond_base(pool, cause, coefficients)
     return UnnamedCause(
         cause.effect.name, cause.effect.phrase, cause.joints,
         float(np.sqrt(np.mean(torque ** 2))) if len(torque) else 0.0,
         share_of(2.0 * margin, explained), margin)
 
 
-def _beyond_base(observations: Observations, cause: Hypothesis, coefficients: np.ndarray
-                 ) -> np.ndarray:
-    """Return the torque of a cause with coefficients (K, J) that no base parameters have, (N,) N m.
+def _beyond_base(pool: Pool, cause: Hypothesis, coefficients: np.ndarray) -> np.ndarray:
+    """Return the torque of a cause with coefficients (K, J) on held-out rows, (N,) N m.
+
+    What base parameters could have of it, the same on all rows, is taken off.
     """
-    torque, base = (np.concatenate(parts) for parts in zip(*(
-        (np.einsum('mjk,kj->mj', columns, coefficients)[run.valid], own[run.valid])
-        for run, columns, own in zip(observations.runs, observations.effect_rows(
-            cause.effect, cause.shape), observations.base))))
-    return np.asarray(torque - base @ np.linalg.lstsq(base, torque, rcond=None)[0])
+    parts = [(np.einsum('mjk,kj->mj', columns, coefficients)[run.valid], base[run.valid])
+             for rows in (pool.evidence.observations, pool.heldout.observations)
+             for run, columns, base in zip(rows.runs, rows.effect_rows(cause.effect, cause.shape),
+                                           rows.base)]
+    torque, base = (np.concatenate(some) for some in zip(*parts))
+    left = torque - base @ np.linalg.lstsq(base, torque, rcond=None)[0]
+    return np.asarray(left[-sum(int(run.valid.sum()) for run in pool.heldout.observations.runs):])
 
 
 def share_of(own: float, explained: float) -> float:

@@ -90,7 +90,8 @@ def is_no_noise(heldout: Observations, left: Sequence[np.ndarray], torque: Seque
 
     Noise may be `NO_NOISE` times as large as its floor says, and so may the error of the measured
     torque. A share of the torque of the names may be wrong, too: that of laws which an axis may
-    follow less closely than a Par4. A series has no such law, but as many terms as the data carry.
+    follow less closely than a Par4. A series has no such law, but as many terms as the data carry,
+    and a constant torque has none either.
 
     Args:
         heldout: rows that were held out.
@@ -102,7 +103,8 @@ def is_no_noise(heldout: Observations, left: Sequence[np.ndarray], torque: Seque
     """
     measured = rms_of(heldout, heldout.varying)
     error = np.hypot(np.sqrt(np.mean(floor ** 2)), rules.base_error * measured)
-    share = (OF_PAR4 if all(item.named.is_series for item in named) else rules).named_error
+    exact = all(item.named.is_series or item.named.variables == 0 for item in named)
+    share = (OF_PAR4 if exact else rules).named_error
     limit = np.hypot(NO_NOISE * error, share * rms_of(heldout, torque))
     return bool(rms_of(heldout, left) > limit)
 
