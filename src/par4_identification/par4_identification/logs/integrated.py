@@ -16,6 +16,14 @@ MOST = 0.9
 """Least share of the known steps that are those of the speeds: others lie across repairs."""
 
 
+def ways_of(speed: np.ndarray, seconds: np.ndarray) -> np.ndarray:
+    """Return the way from each reading of a speed (n, ...) to the next, (n - 1, ...).
+
+    It is that of the trapezoidal rule over times between them of `seconds`, which broadcast.
+    """
+    return np.asarray(0.5 * (speed[1:] + speed[:-1]) * seconds)
+
+
 def are_integrals(stamp: np.ndarray, position: np.ndarray, speed: np.ndarray) -> bool:
     """Return whether positions are the integral, by the trapezoidal rule, of the speeds beside.
 
@@ -25,7 +33,7 @@ def are_integrals(stamp: np.ndarray, position: np.ndarray, speed: np.ndarray) ->
         speed: rad/s, (n, J); NaN where there is none.
     """
     steps = np.diff(position, axis=0)
-    made = 0.5 * (speed[1:] + speed[:-1]) * (np.diff(stamp) / SECOND)[:, None]
+    made = ways_of(speed, (np.diff(stamp) / SECOND)[:, None])
     known = np.isfinite(steps) & np.isfinite(made)
     largest = np.max(np.abs(steps), initial=0.0, where=known)
     alike = np.abs(steps - made) <= EXACT * largest

@@ -13,6 +13,7 @@ import numpy as np
 from par4_identification.logs.accounts import clipped_words, held_words
 from par4_identification.logs.clips import clips_of, levels_of
 from par4_identification.logs.counters import restarts_of
+from par4_identification.logs.integrated import ways_of
 from par4_identification.logs.jumps import count_of, jumps_of, median_of_others
 from par4_identification.logs.refresh import FEWEST, jumps, refresh_of
 from par4_identification.logs.stamps import GAP, SHORTEST_PERIOD
@@ -322,7 +323,7 @@ class Measured:
             if self.kind == 'revolute':
                 whole &= ~_wraps(q, spacing)
             q, way = (np.cumsum(np.where(whole, steps, 0.0)) for steps in (
-                np.diff(q), 0.5 * (qd[1:] + qd[:-1]) * spacing))
+                np.diff(q), ways_of(qd, spacing)))
             if np.ptp(q) == 0.0 or np.ptp(way) == 0.0:
                 continue  # said elsewhere
             q, way = q - q.mean(), way - way.mean()

@@ -17,6 +17,7 @@ from par4_identification.logs.column_choice import (
     si_factors,
 )
 from par4_identification.logs.dates import DATES, DAY, day_after_day
+from par4_identification.logs.integrated import ways_of
 from par4_identification.logs.log_table import held_columns, read_columns
 from par4_identification.logs.measured import Measured, are_readings
 from par4_identification.logs.series import FEWEST_SAMPLES, MOST_CONFLICTS
@@ -333,7 +334,7 @@ def _integral(velocity: np.ndarray, time: np.ndarray) -> np.ndarray:
     """Return the way (n, 1) that velocities (n, 1) make in times (n,), NaN where there is none."""
     way, known = np.full_like(velocity, np.nan), are_readings(velocity[:, 0])
     v, t = velocity[known, 0], time[known]
-    steps = 0.5 * (v[1:] + v[:-1]) * np.maximum(np.diff(t), 0.0)
+    steps = ways_of(v, np.maximum(np.diff(t), 0.0))
     way[known, 0] = np.cumsum(np.concatenate((np.zeros(min(len(v), 1)), steps)))
     return way
 
