@@ -202,22 +202,16 @@ def test_commas_among_points_are_no_decimal_commas(tmp_path):
         read_columns(path, ('2',))
 
 
-def test_points_among_decimal_commas_part_thousands(tmp_path):
-    """A count of 1.234 was read as one and a bit among counts of 999."""
+@pytest.mark.parametrize(('table', 'words'), [
+    # a count of 1.234 was read as one and a bit among counts of 999
+    ('0,5;999\n1,5;1.234\n', "line 2, column 2: '1.234' is no number with a decimal comma, as "
+                              'others of the file have; points between thousands are not read'),
+    ('t;q\n0.0 s;1.5 deg\n0.1 s;1.6 deg\n', "no line of it holds numbers, such as '0.1 s;1.6 deg'; "
+                                            'give a CSV whose cells are numbers without units')])
+def test_cells_that_are_no_numbers_are_told(table, words, tmp_path):
     path = tmp_path / 'log.csv'
-    path.write_text('0,5;999\n1,5;1.234\n', encoding='utf-8')
-    with pytest.raises(InputError, match=re.escape(
-            "line 2, column 2: '1.234' is no number with a decimal comma, as others of the file "
-            'have; points between thousands are not read')):
-        read_columns(path, ('2',))
-
-
-def test_cells_with_units_are_told(tmp_path):
-    path = tmp_path / 'log.csv'
-    path.write_text('t;q\n0.0 s;1.5 deg\n0.1 s;1.6 deg\n', encoding='utf-8')
-    with pytest.raises(InputError, match=re.escape(
-            "no line of it holds numbers, such as '0.1 s;1.6 deg'; give a CSV whose cells are "
-            'numbers without units')):
+    path.write_text(table, encoding='utf-8')
+    with pytest.raises(InputError, match=re.escape(words)):
         read_columns(path, ('2',))
 
 

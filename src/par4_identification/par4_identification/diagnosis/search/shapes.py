@@ -15,7 +15,7 @@ SLOWEST = 0.05
 """Share of the rows, the slowest, in which an order that is sought must show."""
 BEYOND = 2.0
 """Highest frequency of an order there over the cut-off of the torque, of which a small share passes
-the filter: a torque of a hundred times the noise is seen."""
+the filter: of a torque at twice the cut-off three thousandths."""
 EXPANSIONS = 4
 """Times that a series is expanded around what came of it."""
 
