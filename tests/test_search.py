@@ -41,8 +41,8 @@ from par4_identification.diagnosis.evidence.whitener import flat_whitener
 from par4_identification.diagnosis.nominal.gate import WORST_ERROR, unusable
 from par4_identification.diagnosis.search.causes import named_of
 from par4_identification.diagnosis.search.polish import polished
-from par4_identification.diagnosis.search.requirement import requirement_of
-from par4_identification.diagnosis.search.rules import Rules
+from par4_identification.diagnosis.search.requirement import requirement_of, torque_errors
+from par4_identification.diagnosis.search.rules import OF_AXIS, Rules
 from par4_identification.diagnosis.search.search import Rival
 from par4_identification.diagnosis.search.shapes import shapes_of
 from par4_identification.diagnosis.verdict.judgement import judge, unnamed_cause
@@ -180,6 +180,34 @@ def test_friction_that_waves_with_the_position_is_no_ripple_of_the_torque():
         heldout, (), solve(search.pool.evidence, ())))])
     told = unnamed_cause(search, unnamed, (unnamed,))
     assert told.torque_rms == pytest.approx(np.sqrt(np.mean(left ** 2)), rel=0.1)
+
+
+def test_a_size_is_beyond_base_parameters_that_all_rows_have_in_common():
+    """Held-out rows that go one way only would leave nothing of a constant torque but friction."""
+    search = search_of(library=('cogging',), beside=lambda state: np.broadcast_to(
+        OFFSET, state.q.shape))
+    kind = next(kind for kind in KINDS if kind.name == 'position')
+    cause_of_all = Hypothesis(replace(kind, ranges=Kinds(search.pool.evidence.observations).ranges),
+                              {}, EVERY)
+    one_way = [replace(run, valid=run.valid & (run.speed * OFFSET > 0.0))
+               for run in search.pool.heldout.observations.runs]
+    search.pool.heldout = replace(search.pool.heldout, observations=replace(
+        search.pool.heldout.observations, runs=tuple(one_way)))
+    told = unnamed_cause(search, cause_of_all, (cause_of_all,))
+    rows = np.concatenate([np.broadcast_to(OFFSET, run.valid.shape)[run.valid] for run in one_way])
+    # friction has some of it on these rows and none on the fitted ones; here alone it has most
+    assert 0.5 < told.torque_rms / np.sqrt(np.mean(rows ** 2)) < 1.0
+
+
+@pytest.mark.parametrize(('name', 'shape', 'share'), [
+    ('torque_offset', {}, 0.035), ('stribeck', {'stribeck_velocity': 0.3}, 0.1)])
+def test_a_constant_torque_has_no_law_that_an_axis_may_follow_otherwise(name, shape, share):
+    search = search_of(('torque_offset', {'offset': OFFSET}), library=(name,))
+    evidence, item = search.pool.evidence, Hypothesis(CATALOGUE[name], shape, EVERY)
+    fit = solve(evidence, (item,))
+    wrong = torque_errors(evidence, fit, OF_AXIS)[1]
+    np.testing.assert_allclose(
+        wrong, share * evidence.columns(item) @ item.stacked(fit.coefficients[0]))
 
 
 def test_a_name_that_imitates_falls_beside_what_it_imitates_and_the_others_stay():
