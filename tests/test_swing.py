@@ -111,6 +111,16 @@ def test_the_damping_comes_out_where_it_is_not_the_usual_one(damping_ratio):
     assert found.compliance[0] == pytest.approx(true, rel=0.02)
 
 
+@pytest.mark.parametrize('told', [0.3, None])
+def test_damping_that_is_none_of_a_transmission_is_not_told(told):
+    """Nor is it where an earlier search told one and the descent runs to the bound from there."""
+    true = 1.0 / (LOAD * (2.0 * np.pi * 22.0) ** 2)
+    projection = project(evidence_of_axis(true, damping_ratio=0.6), [])
+    known = None if told is None else replace(
+        swing_in(projection, LEAST, PRICE), told={'damping_ratio': told})
+    assert 'damping_ratio' not in swing_in(projection, LEAST, PRICE, known).told
+
+
 @pytest.mark.parametrize('damping_ratio', [DAMPING_RATIO, 0.15])
 @pytest.mark.parametrize('motor_share', [0.2, 0.76])
 def test_the_share_of_the_motor_comes_out_where_it_is_not_one_half(motor_share, damping_ratio):

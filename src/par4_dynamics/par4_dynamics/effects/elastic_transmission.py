@@ -27,8 +27,8 @@ from par4_dynamics.state import State
 
 STIFFNESSES = (1e2, 1e6)
 """N m/rad, of the arms of a Par4."""
-DAMPING_RATIOS = (2e-3, 0.7)
-"""Of a transmission, from a bare steel shaft to one that hardly swings."""
+DAMPING_RATIOS = (2e-3, 0.35)
+"""Of a transmission: from a bare steel shaft to twice what the softest rubber couplings have."""
 MOTOR_SHARES = (0.05, 0.95)
 """Of the actuator inertia that turns with the motor: from a heavy arm to a high gear ratio."""
 STEP = 1e-3

@@ -94,7 +94,7 @@ def swing_in(projection: Projection, least: float, price: float, known: Swing | 
         return None
     again = None
     if known is not None:
-        again = twisting.freed(twisting.descended(replace(known, first_look=chosen)), price)
+        again = twisting.freed(twisting.descended_from(replace(known, first_look=chosen)), price)
         if again.squares > worth or known.first_look == chosen:
             return again
     best = Swing(twisting.tried(chosen), 0.0, chosen)
@@ -177,15 +177,23 @@ class _Twisting:
         return Swing(compliance, _square(self._projection.residual) - squares, start.first_look,
                      {name: getattr(drive, name) for name in names})
 
+    def descended_from(self, known: Swing) -> Swing:
+        """Return where a swing found before comes to, without numbers that end at a bound."""
+        found = self.descended(known)
+        told = {name: value for name, value in found.told.items() if _is_told(name, value)}
+        return found if told == found.told else self.descended(replace(found, told=told))
+
     def freed(self, found: Swing, price: float) -> Swing:
-        """Return what also tells those numbers in common that the data tell; see `swing_in`."""
-        for name in COMMON:
+        """Return what also tells those numbers in common that the data tell; see `swing_in`.
+
+        One that ends at a bound may do so for want of the other.
+        """
+        for name in (*COMMON, COMMON[0]):
             if name not in found.told and (name != 'damping_ratio' or self._rings_in_band(found)):
                 more = self.descended(replace(
                     found, told={**found.told, name: getattr(USUAL, name)}))
                 if more.squares - found.squares > price and all(
-                        ENDED[key][0] < value < ENDED[key][1]
-                        for key, value in more.told.items()):
+                        _is_told(key, value) for key, value in more.told.items()):
                     found = more
         return found
 
@@ -217,6 +225,12 @@ class _Twisting:
         return -self._projection.rest(np.concatenate(evidence.whitener.whiten([run.rows(
             self._springs[id(run.state)].slopes(trial, drive, _every(drive)))
             for run in evidence.observations.runs])))
+
+
+def _is_told(name: str, value: float) -> bool:
+    """Return whether the data tell a number that transmissions share: it is not at a bound."""
+    lowest, highest = ENDED[name]
+    return lowest < value < highest
 
 
 def stiffnesses_of(state: State) -> tuple[float, float]:

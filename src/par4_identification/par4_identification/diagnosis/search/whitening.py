@@ -27,6 +27,7 @@ from par4_identification.diagnosis.evidence.whitener import (
 from par4_identification.diagnosis.search.candidates import Candidates
 from par4_identification.diagnosis.search.counts import Counts
 from par4_identification.diagnosis.search.rules import Rules
+from par4_identification.signals.noise import ArNoise
 from par4_identification.signals.plateaus import scatter
 
 WORTH = 0.1
@@ -35,6 +36,8 @@ MOST = 3
 """Unnamed functions that are taken away from a joint."""
 QUIETER = 0.7
 """Share of the variance of the noise below which a model's rest is taken as the noise."""
+AS_LARGE = 1.05
+"""Standard deviation of a noise over that of another up to which it is no larger."""
 BY_COUNTS = 0.5
 """Share of what an effect explains that encoder counts may make, from which on it explains noise.
 """
@@ -83,8 +86,16 @@ def quieter(whitener: Whitener, observations: Observations, model: Sequence[Hypo
     found = whitener_of_residuals(observations, _without_unnamed(observations, left, kinds),
                                   len(fit.covariance))
     return replace(whitener, noise=tuple(
-        new if new.variance < QUIETER * old.variance else old
-        for new, old in zip(found.noise, whitener.noise)))
+        new if _is_quieter(new, old) else old for new, old in zip(found.noise, whitener.noise)))
+
+
+def _is_quieter(new: ArNoise, old: ArNoise) -> bool:
+    """Return whether a noise is the smaller one by what is new in each row, and no larger one.
+
+    One whose rows tell more of each other, but which is larger, only wanders more: that is what a
+    wrong cause leaves.
+    """
+    return new.variance < QUIETER * old.variance and new.size < AS_LARGE * old.size
 
 
 def _noise_of_plateaus(observations: Observations) -> np.ndarray:
