@@ -21,7 +21,7 @@ from rich.table import Table
 from rosbags.highlevel import AnyReader
 from torque import add_torque
 
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_identification.diagnosis.diagnosis import diagnose
 from par4_identification.logs.bag import read_bag
 from par4_identification.logs.read_log import read_log

@@ -28,8 +28,8 @@ from rich.progress import track
 from rich.table import Table
 
 from par4_dynamics.base_terms import BASE_TERMS
-from par4_dynamics.model import read_model
 from par4_dynamics.model_file import read_model_file
+from par4_dynamics.model_from_file import read_model
 from par4_identification.fitting.identification import identify
 from par4_identification.fitting.lumping_bias import lumping_bias
 from par4_identification.logs.log import Log

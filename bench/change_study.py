@@ -33,7 +33,7 @@ from scipy.stats import binomtest
 
 from changed import COMPANY, KINDS, Change, Changed, drawn_machine
 from par4_dynamics.base_terms import FRICTION
-from par4_dynamics.model import build_model
+from par4_dynamics.model_from_file import build_model
 from par4_identification.changes.changes import (
     Changes,
     changes_since_model,

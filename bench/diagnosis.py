@@ -32,7 +32,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_identification.diagnosis.diagnosis import LIBRARY, diagnose
 from par4_identification.diagnosis.search.shapes import shapes_of
 from par4_identification.logs.log import Log

@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_identification.logs.log import Log
 from par4_identification.trend.drift import DriftWatch, projections
 from par4_identification.trend.windows import LEARNING, WINDOW

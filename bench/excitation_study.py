@@ -22,7 +22,8 @@ from rich.table import Table
 sys.path.insert(0, str(Path(__file__).parents[1] / 'tests'))
 
 from par4_dynamics.base_terms import BASE_TERMS
-from par4_dynamics.model import Model, read_model
+from par4_dynamics.model import Model
+from par4_dynamics.model_from_file import read_model
 from par4_identification.excitation.design import design_excitation
 from par4_identification.excitation.motion_limits import largest_loads, limits_of
 from par4_identification.excitation.precision import expected_precision

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_kinematics.adept import adept_motion
 from par4_kinematics.motion import Motion, waypoints_motion
 from par4_kinematics.robot import read_robot

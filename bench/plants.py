@@ -20,7 +20,8 @@ from rich.console import Console
 from rich.table import Table
 
 from par4_dynamics.mechanism import kinetic_energy, potential_energy
-from par4_dynamics.model import Model, read_model
+from par4_dynamics.model import Model
+from par4_dynamics.model_from_file import read_model
 from par4_dynamics.state import GRAVITY, state_of_joints
 from par4_kinematics.adept import adept_motion
 from par4_kinematics.arrays import as_rows

@@ -16,7 +16,8 @@ from rich.console import Console
 from rich.table import Table
 
 from par4_dynamics.base_terms import base_columns
-from par4_dynamics.model import Model, read_model
+from par4_dynamics.model import Model
+from par4_dynamics.model_from_file import read_model
 from par4_dynamics.state import state_of_joints, state_of_platform
 from par4_kinematics.acceleration import joint_motion
 from par4_kinematics.errors import InputError

@@ -17,8 +17,8 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from par4_dynamics.model import read_model
 from par4_dynamics.model_file import read_model_file
+from par4_dynamics.model_from_file import read_model
 from par4_kinematics.adept import adept_motion
 from par4_kinematics.files import write_yaml
 from par4_kinematics.robot import read_robot

@@ -26,7 +26,7 @@ from rich.progress import track
 from scipy.stats import binomtest
 from year import BEGIN, Year, drawn_year
 
-from par4_dynamics.model import build_model
+from par4_dynamics.model_from_file import build_model
 from par4_identification.changes.joint_values import fitted_values
 from par4_identification.diagnosis.diagnosis import CONDITIONING
 from par4_identification.diagnosis.evidence.observations import observe

@@ -12,8 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from par4_dynamics.model import Model, build_model
+from par4_dynamics.model import Model
 from par4_dynamics.model_file import EffectEntry, read_model_file
+from par4_dynamics.model_from_file import build_model
 from par4_dynamics.state import GRAVITY, state_of_joints
 from par4_kinematics.excitation import excitation_motion
 from par4_kinematics.geometry import Geometry

@@ -9,7 +9,7 @@ from measured import log_of_model
 from scipy.stats import norm
 
 from par4_dynamics.base_terms import BASE_TERMS
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_identification.fitting.identification import identify
 from robots import OTHER, REFERENCE, other_model
 

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from par4_dynamics.effects.catalogue import CATALOGUE
-from par4_dynamics.model import ActiveEffect, Model, read_model
+from par4_dynamics.model import ActiveEffect, Model
+from par4_dynamics.model_from_file import read_model
 from par4_kinematics.robot import Robot, read_robot
 from par4_kinematics.workspace import home_pose
 

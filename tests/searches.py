@@ -6,7 +6,7 @@ from measured import excitation
 from planned import evidence_of, log_of, state_of_motion
 
 from par4_dynamics.effects.catalogue import CATALOGUE
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_identification.diagnosis.evidence.dithered import Dithered
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.pool import Pool

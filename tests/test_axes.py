@@ -21,8 +21,8 @@ from par4_dynamics.effects.effect import FAST
 from par4_dynamics.effects.nonlinear_viscous import NonlinearViscous
 from par4_dynamics.effects.presliding import Presliding
 from par4_dynamics.effects.torque_offset import TorqueOffset
-from par4_dynamics.model import build_model
 from par4_dynamics.model_file import EffectEntry, ModelFile
+from par4_dynamics.model_from_file import build_model
 from par4_dynamics.parameters import Parameter
 from par4_dynamics.state import State, state_of_joints
 from par4_identification.changes.changes import changes_between, model_of_bags

@@ -13,7 +13,7 @@ from experiments import entry, model_of
 from foreign import log_of
 from measured import log_of_model
 
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_identification.commands.bag import make_bag
 from par4_identification.commands.identify import identify_bags
 from par4_identification.fitting.identification import identify

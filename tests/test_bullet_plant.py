@@ -12,7 +12,7 @@ import pybullet
 import pytest
 
 from par4_dynamics.mechanism import forward_dynamics, kinetic_energy, potential_energy
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_dynamics.state import state_of_joints, state_of_platform
 from par4_kinematics.errors import InputError, UnreachableError
 from par4_kinematics.leg import plate_joint

@@ -45,7 +45,7 @@ from node_bench import (
     torque_of,
     torque_steps,
 )
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_identification.fitting.identification import identify
 from par4_identification.logs.read_log import read_log
 from par4_identification.ros.record_node import RecordNode

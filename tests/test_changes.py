@@ -25,7 +25,7 @@ from changed import (
     torque_beside_axis,
 )
 from par4_dynamics.base_terms import BASE_TERMS, FRICTION
-from par4_dynamics.model import build_model
+from par4_dynamics.model_from_file import build_model
 from par4_identification.changes import swallowed
 from par4_identification.changes.changes import explained_change
 from par4_identification.changes.explanation import CHANCE, Read, explained

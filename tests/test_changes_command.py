@@ -12,8 +12,8 @@ from browser import check_in_browser
 from report_pages import checked_page
 from test_commands import run
 
-from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile, read_model_file
+from par4_dynamics.model_from_file import build_model
 from par4_identification.commands import diagnose, identify
 from par4_identification.diagnosis import diagnosis
 from par4_identification.diagnosis.diagnosis import LIBRARY

@@ -29,8 +29,8 @@ from report_pages import Page, checked_page
 from executables import TOOLS
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.effects.effect import EffectParameter
-from par4_dynamics.model import build_model, read_model
 from par4_dynamics.model_file import read_model_file
+from par4_dynamics.model_from_file import build_model, read_model
 from par4_dynamics.parameters import Parameter
 from par4_identification.commands import diagnose, identify, validate
 from par4_identification.diagnosis.evidence.holdout import Gain

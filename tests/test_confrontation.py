@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from measured import excitation, simulation_of
 
-from par4_dynamics.model import build_model, read_model
 from par4_dynamics.model_file import EffectEntry, read_model_file, write_model_file
+from par4_dynamics.model_from_file import build_model, read_model
 from par4_dynamics.parameters import Parameter
 from par4_dynamics.state import state_of_joints
 from par4_identification.confrontation import confrontation

@@ -10,7 +10,7 @@ import pytest
 from scipy.linalg import expm
 
 from par4_dynamics.mechanism import joint_mass_matrix
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_kinematics.adept import adept_motion
 from par4_kinematics.errors import InputError
 from par4_kinematics.workspace import home_pose

@@ -10,8 +10,8 @@ from interval_cases import NAMES, cases, inside, scores
 from measured import log_of_model
 from scipy.stats import binom
 
-from par4_dynamics.model import read_model
 from par4_dynamics.model_file import read_model_file
+from par4_dynamics.model_from_file import read_model
 from par4_identification.fitting.identification import Fitting, identify
 from par4_identification.fitting.lumping_bias import lumping_bias, lumping_of
 from par4_identification.logs.read_log import read_log

@@ -9,7 +9,7 @@ import pytest
 from test_urdf import chain_masses, numbers, placed_links
 
 from par4_dynamics.mechanism import kinetic_energy
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_kinematics.robot import JOINT_NAMES
 from par4_sim.description.robot_description import complete_description
 from par4_sim.description.robot_tree import tree_joint_positions

@@ -16,8 +16,8 @@ from test_commands import run
 from test_next_experiment import circles
 
 from par4_dynamics.effects.catalogue import CATALOGUE
-from par4_dynamics.model import read_model
 from par4_dynamics.model_file import EffectEntry, read_model_file, write_model_file
+from par4_dynamics.model_from_file import read_model
 from par4_dynamics.parameters import Parameter
 from par4_identification.commands import diagnose
 from par4_identification.confrontation.confrontation import confront_diagnosis

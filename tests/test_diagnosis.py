@@ -18,8 +18,8 @@ from measured import DWELL, excitation, log_of_machine, log_of_model
 from planned import evidence_of, log_of, state_of_motion
 from searches import MODEL, log_with
 
-from par4_dynamics.model import build_model, read_model, torque_model
 from par4_dynamics.model_file import read_model_file
+from par4_dynamics.model_from_file import build_model, read_model, torque_model
 from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis import diagnosis
 from par4_identification.diagnosis.diagnosis import diagnose

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
 
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_dynamics.state import state_of_joints
 from par4_identification.logs.log import Log
 from par4_identification.ros.monitor_node import BLIND, STILL, MonitorNode

@@ -7,7 +7,7 @@ import pytest
 from experiments import IDEAL, MOTION, entry, model_of
 from flywheels import spinning
 
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_dynamics.state import state_of_platform
 from par4_kinematics.errors import InputError
 from par4_sim.closed_loop.simulation import build_simulation

@@ -13,7 +13,7 @@ from browser import check_in_browser
 from measured import log_of_model
 from test_commands import run
 
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_dynamics.state import GRAVITY
 from par4_identification.commands import drive_gain
 from par4_identification.gains import known_payload

@@ -9,7 +9,7 @@ import pytest
 from experiments import MOTION, entry, machine_of
 from measured import holding_torque
 
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_kinematics.errors import UnreachableError
 from par4_kinematics.workspace import home_pose
 from par4_sim.choices import STEP

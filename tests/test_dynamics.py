@@ -29,8 +29,8 @@ from par4_dynamics.mechanism import (
     physical_bodies,
     potential_energy,
 )
-from par4_dynamics.model import build_model, read_model
 from par4_dynamics.model_file import ModelFile, read_model_file, write_model_file
+from par4_dynamics.model_from_file import build_model, read_model
 from par4_dynamics.rigid_body import COLUMNS, rigid_body_columns
 from par4_dynamics.state import GRAVITY, State, state_of_joints, state_of_platform
 from par4_kinematics.adept import adept_motion

@@ -13,7 +13,7 @@ from measured import DWELL, excitation, log_of_model
 from scipy.signal import lfilter
 
 from par4_dynamics.base_terms import base_columns, base_terms
-from par4_dynamics.model import build_model, read_model
+from par4_dynamics.model_from_file import build_model, read_model
 from par4_identification.commands.identify import identify_bags
 from par4_identification.estimators.consistent import Constraint, consistent
 from par4_identification.estimators.covariance import long_run_covariance

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from par4_dynamics.mechanism import kinetic_energy, potential_energy
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_dynamics.state import state_of_platform
 from par4_kinematics.errors import UnreachableError
 from par4_kinematics.position import inverse_kinematics

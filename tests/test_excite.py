@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from test_commands import run
 
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_dynamics.state import state_of_joints
 from par4_identification.commands import excite, identify
 from par4_identification.excitation import path_optimisation

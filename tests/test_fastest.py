@@ -11,7 +11,7 @@ from browser import check_in_browser
 from click.testing import CliRunner
 
 from par4_dynamics.base_terms import BASE_TERMS
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_kinematics.adept import adept_motion
 from par4_kinematics.errors import InputError
 from par4_kinematics.files import write_yaml

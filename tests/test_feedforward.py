@@ -9,7 +9,7 @@ from test_machine_effects import EXAMPLES
 
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.feedforward import KEPT, Feedforward
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_kinematics.errors import InputError
 from par4_kinematics.excitation import excitation_motion
 from par4_kinematics.stamps import SECOND

@@ -8,7 +8,7 @@ from copy import deepcopy
 
 import pytest
 
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_kinematics.errors import Par4Error
 from par4_kinematics.files import write_yaml
 from par4_kinematics.motion_file import MOTION_SCHEMA, read_motion

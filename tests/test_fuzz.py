@@ -26,7 +26,7 @@ from hypothesis import strategies as st
 
 from executables import TOOLS
 from node_bench import HOME_Q, MODULES, ROBOT, quintic_motion
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_identification.gains.static_push import read_force
 from par4_identification.jobs.inspect import inspect
 from par4_identification.logs.bag_repair import repair_bag

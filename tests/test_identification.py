@@ -9,7 +9,7 @@ import pytest
 from measured import log_of_model
 from scipy.signal import lfilter
 
-from par4_dynamics.model import build_model, read_model
+from par4_dynamics.model_from_file import build_model, read_model
 from par4_identification.fitting.identification import identify
 from par4_identification.fitting.validation import validate
 from par4_identification.reports.outcome.identification import table_of_parameters

@@ -7,8 +7,8 @@ import pytest
 from axes import Motor, held_speeds, recorded
 from planned import log_of
 
-from par4_dynamics.model import build_model, read_model
 from par4_dynamics.model_file import EffectEntry, ModelFile, read_model_file
+from par4_dynamics.model_from_file import build_model, read_model
 from par4_dynamics.parameters import Parameter
 from par4_dynamics.state import state_of_platform
 from par4_identification.changes.changes import changes_since_model

@@ -13,7 +13,7 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 from test_commands import run
 
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_identification.commands import bag as bag_command
 from par4_identification.commands import repair
 from par4_identification.commands.inspect import inspect

@@ -13,8 +13,8 @@ from par4_dynamics.effects.effect import FAST, beyond
 from par4_dynamics.effects.guide import GUIDES
 from par4_dynamics.effects.springs import DAMPING_RATIO, Springs
 from par4_dynamics.effects.transmission import MOTOR_SHARE
-from par4_dynamics.model import build_model, read_model
 from par4_dynamics.model_file import EffectEntry, ModelFile, read_model_file, write_model_file
+from par4_dynamics.model_from_file import build_model, read_model
 from par4_dynamics.parameters import Parameter
 from par4_dynamics.state import GRAVITY, State, state_of_joints, state_of_platform
 from par4_kinematics.errors import InputError

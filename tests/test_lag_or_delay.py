@@ -12,7 +12,7 @@ from planned import evidence_of, log_of
 from short_scenarios import short_scenario
 
 from par4_dynamics.effects.catalogue import CATALOGUE
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_dynamics.state import state_of_platform
 from par4_identification.diagnosis.evidence.dithered import DRAWS, Dithered, dithered
 from par4_identification.diagnosis.evidence.evidence import gather

@@ -14,7 +14,7 @@ import pytest
 from experiments import FIDELITIES, HOME, IDEAL, TABLE, entry, machine_of, model_of, played
 
 from par4_dynamics.effects.catalogue import CATALOGUE
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_dynamics.state import state_of_joints
 from par4_kinematics.errors import InputError, UnreachableError
 from par4_sim.closed_loop.simulation import build_plant, build_simulation

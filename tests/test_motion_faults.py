@@ -19,7 +19,7 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 
 from node_bench import AWAY_Q, HOME_Q, ROBOT, joint_state, quintic_motion
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_kinematics.adept import adept_motion
 from par4_kinematics.astray import LAG_NS, Astray
 from par4_kinematics.interface import DIAGNOSTICS, JOINT_STATES

@@ -9,7 +9,7 @@ import pytest
 from measured import DWELL, simulation_of
 
 from par4_dynamics.mechanism import STANDARD_GRAVITY
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_dynamics.state import state_of_joints
 from par4_identification.diagnosis.diagnosis import LIBRARY, diagnose
 from par4_identification.diagnosis.experiment.motion_library import joined, motion_library

@@ -40,8 +40,8 @@ from node_bench import (
     torque_of,
     torque_steps,
 )
-from par4_dynamics.model import read_model
 from par4_dynamics.model_file import EffectEntry, read_model_file, write_model_file
+from par4_dynamics.model_from_file import read_model
 from par4_identification.logs.bag import read_bag, recorded_topics
 from par4_identification.logs.bag_repair import repair_bag
 from par4_kinematics.adept import adept_motion

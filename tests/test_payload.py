@@ -10,7 +10,7 @@ import pytest
 from measured import log_of_model
 from test_commands import run, simulated
 
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_identification.commands import identify
 from par4_identification.gains.unknown_payload import WeighedPayload, payload_of_runs
 from par4_identification.reports.outcome.payload import payload_json, payload_remark

@@ -13,7 +13,7 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.limits import EndSwitches
 from par4_kinematics.position import inverse_kinematics

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import nnls
 
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_kinematics.adept import adept_motion
 from par4_kinematics.motion import waypoints_motion
 from par4_sim.choices import STEP

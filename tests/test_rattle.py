@@ -13,8 +13,8 @@ from short_scenarios import short_scenario
 
 from par4_dynamics.effects.transmission import load_inertia, transmitted_torque
 from par4_dynamics.mechanism import joint_mass_matrix
-from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile
+from par4_dynamics.model_from_file import build_model
 from par4_identification.diagnosis.diagnosis import diagnose
 from par4_identification.diagnosis.evidence.fit import residuals, solve
 from par4_identification.diagnosis.evidence.observations import observe, with_nominal

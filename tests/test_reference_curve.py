@@ -8,7 +8,7 @@ from contextlib import suppress
 import numpy as np
 import pytest
 
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_dynamics.state import state_of_joints
 from par4_kinematics.adept import adept_motion
 from par4_kinematics.braking import BRAKING_TIME, braked, ways_to_rest

@@ -21,7 +21,7 @@ from hidden.motions import draw_motion
 from hidden.recording import record
 from singular_log import singular_log
 
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis import split
 from par4_identification.logs.log import Log, Reference

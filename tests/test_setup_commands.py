@@ -11,7 +11,7 @@ import pytest
 from report_pages import checked_page
 from test_commands import run, simulated
 
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_identification.commands import bag as bag_command
 from par4_identification.commands import diagnose, identify, validate
 from par4_identification.logs.bag import read_bag

@@ -12,8 +12,8 @@ from report_pages import checked_page
 from ruamel.yaml import YAML
 from test_commands import run
 
-from par4_dynamics.model import build_model, read_model
 from par4_dynamics.model_file import read_model_file
+from par4_dynamics.model_from_file import build_model, read_model
 from par4_dynamics.state import state_of_joints
 from par4_identification.commands import simplification
 from par4_identification.fitting.simplification_cost import (

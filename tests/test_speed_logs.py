@@ -7,7 +7,7 @@ import pytest
 from axes import axis
 from foreign import identified, read, swings, torque_of
 
-from par4_dynamics.model import build_model
+from par4_dynamics.model_from_file import build_model
 from par4_identification.diagnosis.diagnosis import CONDITIONING, diagnose
 from par4_identification.diagnosis.verdict.floor import noise_floor
 from par4_identification.fitting.identification import identify

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from measured import log_of_model
 
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_identification.diagnosis.nominal.gate import too_few
 from par4_identification.diagnosis.split import MOST, manageable, split_runs
 from par4_identification.fitting.identification import identify

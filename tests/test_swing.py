@@ -17,8 +17,8 @@ from planned import evidence_of, log_of
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.effects.springs import DAMPING_RATIO, FIRST, Drive, Springs
 from par4_dynamics.effects.transmission import MOTOR_SHARE
-from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile
+from par4_dynamics.model_from_file import build_model
 from par4_dynamics.state import State
 from par4_identification.diagnosis.diagnosis import LIBRARY, diagnose
 from par4_identification.diagnosis.evidence.dithered import dithered

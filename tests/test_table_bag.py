@@ -20,7 +20,7 @@ from measured import excitation
 from planned import state_of_motion
 from scipy.io import savemat
 
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_identification.commands import bag
 from par4_identification.jobs.bag import joint_names
 from par4_identification.logs.column_choice import chosen_columns, named_otherwise

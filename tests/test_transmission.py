@@ -9,7 +9,7 @@ import pytest
 from flywheels import Flywheels
 
 from par4_dynamics.mechanism import joint_mass_matrix, kinetic_energy, potential_energy
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_dynamics.state import state_of_platform
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.workspace import home_pose

@@ -16,8 +16,8 @@ from year import DRY, FLOWING, NAMES, YEAR, drawn_year
 
 from par4_dynamics.base_terms import base_terms
 from par4_dynamics.effects.catalogue import CATALOGUE
-from par4_dynamics.model import build_model
 from par4_dynamics.model_file import EffectEntry, ModelFile, read_model_file, write_model_file
+from par4_dynamics.model_from_file import build_model
 from par4_dynamics.parameters import Parameter
 from par4_dynamics.state import GRAVITY, State
 from par4_identification.changes.readings import Added

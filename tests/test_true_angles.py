@@ -9,7 +9,7 @@ import pytest
 from measured import log_of_machine
 
 from par4_dynamics.effects.catalogue import CATALOGUE
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis.diagnosis import diagnose
 from par4_identification.diagnosis.verdict.answer import Cause

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from par4_dynamics.model import Model, read_model
+from par4_dynamics.model import Model
+from par4_dynamics.model_from_file import read_model
 from par4_kinematics.robot import Robot
 from par4_sim.machines.friction import Friction
 from par4_sim.machines.machine import Machine

@@ -14,8 +14,9 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     'effects.catalogue': ['CATALOGUE'],
     'effects.effect': [
         'Base', 'Effect', 'EffectParameter', 'Shape', 'Signature', 'Values', 'beyond'],
-    'model': ['Model', 'build_model', 'read_model'],
+    'model': ['Model'],
     'model_file': ['EffectEntry', 'ModelFile', 'read_model_file', 'write_model_file'],
+    'model_from_file': ['build_model', 'read_model'],
     'parameters': ['Parameter'],
     'state': ['State', 'state_of_joints', 'state_of_platform'],
 })

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 
 from par4_dynamics.feedforward import Feedforward
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_dynamics.ros.feedforward_parameters import FeedforwardParameters
 from par4_kinematics.interface import FEEDFORWARD_TORQUE, REFERENCE
 from par4_kinematics.position import inverse_kinematics

@@ -17,8 +17,8 @@ from par4_dynamics.effects.coulomb_asymmetry import CoulombAsymmetry
 from par4_dynamics.effects.distributed_rods import DistributedRods
 from par4_dynamics.effects.effect import beyond
 from par4_dynamics.effects.torque_offset import TorqueOffset
-from par4_dynamics.model import build_model, torque_model
 from par4_dynamics.model_file import ModelFile
+from par4_dynamics.model_from_file import build_model, torque_model
 from par4_identification.changes.changes import explained_change, gains_of, rows_beside
 from par4_identification.changes.explanation import CHANCE, Explanation
 from par4_identification.changes.explanation import MOST as MOST_READINGS

@@ -15,8 +15,9 @@ import numpy as np
 
 from par4_dynamics.base_terms import INERTIA, BaseTerm
 from par4_dynamics.effects.drive_gain_error import DriveGainError
-from par4_dynamics.model import Model, build_model, torque_model
+from par4_dynamics.model import Model
 from par4_dynamics.model_file import ModelFile, RigidBody
+from par4_dynamics.model_from_file import build_model, torque_model
 from par4_identification.changes.explanation import (
     Explanation,
     Read,

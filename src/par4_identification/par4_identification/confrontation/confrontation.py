@@ -15,8 +15,9 @@ from typing import Literal
 import numpy as np
 
 from par4_dynamics.base_terms import BASE_TERMS
-from par4_dynamics.model import Model, build_model
+from par4_dynamics.model import Model
 from par4_dynamics.model_file import ModelFile
+from par4_dynamics.model_from_file import build_model
 from par4_identification.confrontation.closed_loop import (
     closed_loop,
     targets_at,

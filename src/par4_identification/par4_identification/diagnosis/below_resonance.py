@@ -16,7 +16,7 @@ import numpy as np
 
 from par4_dynamics.effects.elastic_transmission import ElasticTransmission
 from par4_dynamics.effects.springs import DAMPING_RATIO, USUAL, Springs
-from par4_dynamics.model import torque_model
+from par4_dynamics.model_from_file import torque_model
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.diagnosis.search.swing import LOWER_BAND, Swing
 from par4_identification.diagnosis.verdict.answer import EITHER_SIDE, Cause, Diagnosis

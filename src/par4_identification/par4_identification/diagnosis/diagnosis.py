@@ -11,8 +11,9 @@ from par4_dynamics.base_terms import INERTIA, OFFSET, base_columns, base_terms
 from par4_dynamics.effects.backlash import Backlash
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.effects.effect import Effect
-from par4_dynamics.model import Model, build_model, torque_model
+from par4_dynamics.model import Model
 from par4_dynamics.model_file import ModelFile
+from par4_dynamics.model_from_file import build_model, torque_model
 from par4_identification.diagnosis.below_resonance import (
     below_resonance,
     is_better,

@@ -18,8 +18,9 @@ from par4_dynamics.base_terms import (
     base_terms,
     distributed_torque,
 )
-from par4_dynamics.model import Model, build_model
+from par4_dynamics.model import Model
 from par4_dynamics.model_file import EffectEntry, ModelFile, RigidBody
+from par4_dynamics.model_from_file import build_model
 from par4_dynamics.parameters import Parameter
 from par4_dynamics.state import State
 from par4_identification.estimators.consistent import consistent

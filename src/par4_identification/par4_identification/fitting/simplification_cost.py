@@ -16,8 +16,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from par4_dynamics.base_terms import FRICTION
-from par4_dynamics.model import Model, build_model
+from par4_dynamics.model import Model
 from par4_dynamics.model_file import ModelFile
+from par4_dynamics.model_from_file import build_model
 from par4_dynamics.state import State, state_of_joints, state_of_platform
 from par4_kinematics.adept import adept_motion
 from par4_kinematics.errors import InputError, Par4Error

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from par4_dynamics.base_terms import FRICTION
-from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile
+from par4_dynamics.model_from_file import build_model
 from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis.diagnosis import CONDITIONING, diagnose
 from par4_identification.diagnosis.progress import Progress

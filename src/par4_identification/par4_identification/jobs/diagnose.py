@@ -10,8 +10,9 @@ from typing import Any
 
 from rich.console import Console
 
-from par4_dynamics.model import Model, build_model, read_file_and_model
+from par4_dynamics.model import Model
 from par4_dynamics.model_file import ModelFile
+from par4_dynamics.model_from_file import build_model, read_file_and_model
 from par4_identification.changes.apart import diagnosed_apart
 from par4_identification.changes.between_logs import LogDifferences
 from par4_identification.changes.changes import (

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_identification.excitation.design import (
     Design,
     Repeats,

@@ -12,8 +12,8 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from par4_dynamics.model import build_model, read_model
 from par4_dynamics.model_file import RigidBody
+from par4_dynamics.model_from_file import build_model, read_model
 from par4_identification.diagnosis.verdict.floor import noise_floor
 from par4_identification.fitting.axis_gravity import with_gravity_told
 from par4_identification.fitting.identification import Fitting, identify

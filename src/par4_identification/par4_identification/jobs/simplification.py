@@ -7,7 +7,7 @@ from typing import Literal
 
 from rich.console import Console
 
-from par4_dynamics.model import read_file_and_model
+from par4_dynamics.model_from_file import read_file_and_model
 from par4_identification.fitting.simplification_cost import (
     adept_of,
     rigid_model,

@@ -12,8 +12,8 @@ from typing import Any
 from rich.console import Console
 from rich.progress import Progress
 
-from par4_dynamics.model import read_file_and_model
 from par4_dynamics.model_file import ModelFile
+from par4_dynamics.model_from_file import read_file_and_model
 from par4_identification.reports.outcome.trend import lines_of_refused, outcome_of_life, trend_json
 from par4_identification.trend.bag_values import BagValues, outcome_of_bag
 from par4_identification.trend.kept import Kept

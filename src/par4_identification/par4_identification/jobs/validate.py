@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from par4_dynamics.model import build_model, read_file_and_model
+from par4_dynamics.model_from_file import build_model, read_file_and_model
 from par4_identification.diagnosis.verdict.floor import noise_floor
 from par4_identification.fitting.validation import validate
 from par4_identification.logs.bag_hash import bag_sha256

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from par4_dynamics.model import torque_model
+from par4_dynamics.model_from_file import torque_model
 from par4_dynamics.parameters import Parameter, parts_of_orders
 from par4_identification.diagnosis.verdict.answer import Cause, Diagnosis
 from par4_identification.reports.names import Names

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from par4_dynamics.model import torque_model
+from par4_dynamics.model_from_file import torque_model
 from par4_identification.changes.between_logs import LogDifferences
 from par4_identification.changes.changes import Changes
 from par4_identification.confrontation.confrontation import Confrontation, Unsimulated

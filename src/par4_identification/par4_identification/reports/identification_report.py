@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from par4_dynamics.model import build_model
+from par4_dynamics.model_from_file import build_model
 from par4_identification.fitting.identification import Identification
 from par4_identification.logs.log import Log
 from par4_identification.reports.deviation_plots import Bar, deviation_bars

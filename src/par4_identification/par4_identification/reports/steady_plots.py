@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from par4_dynamics.model import Model, build_model
+from par4_dynamics.model import Model
+from par4_dynamics.model_from_file import build_model
 from par4_dynamics.state import State
 from par4_identification.diagnosis.verdict.answer import Diagnosis
 from par4_identification.reports.names import Names

@@ -7,8 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile
+from par4_dynamics.model_from_file import build_model
 from par4_identification.fitting.validation import Validation
 from par4_identification.logs.log import Log
 from par4_identification.reports.outcome.outcome import over_joints

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_identification.logs.log import Log
 from par4_identification.ros.monitor_parameters import MonitorParameters
 from par4_identification.trend.drift import DriftWatch, projections

@@ -11,8 +11,9 @@ import numpy as np
 
 from par4_dynamics.effects.backlash import Backlash
 from par4_dynamics.effects.geometry_error import DIMENSIONS, GeometryError
-from par4_dynamics.model import ActiveEffect, Model, build_model
+from par4_dynamics.model import ActiveEffect, Model
 from par4_dynamics.model_file import ModelFile
+from par4_dynamics.model_from_file import build_model
 from par4_dynamics.parameters import Parameter
 from par4_identification.changes.changes import observed
 from par4_identification.changes.joint_values import (

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_kinematics.interface import COUNTS
 from par4_kinematics.limits import limits_not_given
 from par4_kinematics.motion_file import NAMED_MOTIONS, named_motion

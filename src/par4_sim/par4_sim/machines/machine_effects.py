@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from par4_dynamics.effects.position_torque import polynomials
-from par4_dynamics.model import ActiveEffect, Model, read_model
+from par4_dynamics.model import ActiveEffect, Model
+from par4_dynamics.model_from_file import read_model
 from par4_dynamics.state import GRAVITY
 from par4_kinematics.errors import InputError
 from par4_kinematics.files import parse

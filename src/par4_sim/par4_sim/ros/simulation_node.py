@@ -8,7 +8,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from par4_dynamics.model import Model, read_model
+from par4_dynamics.model import Model
+from par4_dynamics.model_from_file import read_model
 from par4_kinematics.errors import InputError, UnreachableError
 from par4_kinematics.interface import (
     AMPLIFIER_VOLTAGE,

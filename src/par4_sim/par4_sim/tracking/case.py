@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from par4_dynamics.model import Model, read_model
+from par4_dynamics.model import Model
+from par4_dynamics.model_from_file import read_model
 from par4_kinematics.errors import InputError
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot

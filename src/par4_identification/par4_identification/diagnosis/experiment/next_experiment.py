@@ -19,8 +19,9 @@ import numpy as np
 
 from par4_dynamics.effects.catalogue import effect_named
 from par4_dynamics.effects.effect import Effect, Shape
-from par4_dynamics.model import Model, torque_model
+from par4_dynamics.model import Model
 from par4_dynamics.model_file import ModelFile
+from par4_dynamics.model_from_file import torque_model
 from par4_dynamics.state import State
 from par4_identification.diagnosis.evidence.evidence import Evidence, gather
 from par4_identification.diagnosis.evidence.fit import solve

@@ -9,8 +9,9 @@ import numpy as np
 
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.effects.effect import Effect
-from par4_dynamics.model import Model, torque_model
+from par4_dynamics.model import Model
 from par4_dynamics.model_file import ModelFile
+from par4_dynamics.model_from_file import torque_model
 from par4_identification.diagnosis.evidence.evidence import gather
 from par4_identification.diagnosis.evidence.extended import extended_model
 from par4_identification.diagnosis.evidence.fit import solve
