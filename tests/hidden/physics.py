@@ -39,7 +39,7 @@ from par4_sim.machines.friction import (
 from par4_sim.machines.machine import Machine
 from par4_sim.machines.platform_forces import add_pivot_force, platform_force_sample
 from par4_sim.plants.elastic import split_machine, spring_torque
-from par4_sim.plants.exact import FREE, MODE, QD, WORK_ROWS, Q, X, advance, machine_constants
+from par4_sim.plants.exact_steps import FREE, MODE, QD, WORK_ROWS, Q, X, advance, machine_constants
 
 RIGID = 1e5
 """N m/rad: of a spring that stands for a rigid joint beside elastic ones."""

@@ -21,7 +21,8 @@ from par4_sim.machines.machine import LoadTorque
 from par4_sim.plants.elastic import QD as MOTOR_QD
 from par4_sim.plants.elastic import STIFFNESS, ElasticPlant, motor_step
 from par4_sim.plants.elastic import Q as MOTOR_Q
-from par4_sim.plants.exact import OPEN, QD, ExactPlant, Q, X, advance
+from par4_sim.plants.exact import ExactPlant
+from par4_sim.plants.exact_steps import OPEN, QD, Q, X, advance
 from par4_sim.plants.plant import Plant
 
 COMPILED = (HeldLoad, ForcePlate)
