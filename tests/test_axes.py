@@ -50,8 +50,9 @@ from par4_identification.reports.outcome.identification import (
 from par4_identification.setup_check.check import check_setup
 from par4_identification.signals.conditioning import Conditioning
 from par4_identification.signals.filtering import low_pass
+from par4_identification.signals.finer import finer
 from par4_identification.signals.plateaus import plateaus_of
-from par4_identification.signals.rows import finer, runs_of_log
+from par4_identification.signals.rows import runs_of_log
 from par4_identification.signals.scales import Chosen, conditioning_for
 from par4_kinematics.errors import InputError
 from par4_sim.report.words import with_std

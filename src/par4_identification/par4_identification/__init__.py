@@ -31,5 +31,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     'logs.read_log': ['read_log'],
     'setup_check.check': ['check_setup'],
     'signals.conditioning': ['Conditioning'],
-    'signals.rows': ['Run', 'runs_of_log'],
+    'signals.rows': ['runs_of_log'],
+    'signals.run': ['Run'],
 })

@@ -39,7 +39,8 @@ from par4_identification.diagnosis.verdict.answer import Diagnosis
 from par4_identification.fitting.identification import identify_runs
 from par4_identification.logs.log import Log
 from par4_identification.signals.conditioning import Conditioning
-from par4_identification.signals.rows import Run, runs_of_logs
+from par4_identification.signals.rows import runs_of_logs
+from par4_identification.signals.run import Run
 from par4_kinematics.robot import Axis, Robot
 
 

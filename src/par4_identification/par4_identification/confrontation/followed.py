@@ -11,7 +11,8 @@ from par4_identification.confrontation.closed_loop import targets_at
 from par4_identification.logs.log import Log, Reference
 from par4_identification.signals.conditioning import Conditioning
 from par4_identification.signals.filtering import central_difference
-from par4_identification.signals.rows import Run, runs_of_log
+from par4_identification.signals.rows import runs_of_log
+from par4_identification.signals.run import Run
 from par4_kinematics.errors import InputError
 from par4_kinematics.geometry import LEGS
 from par4_kinematics.robot import Robot

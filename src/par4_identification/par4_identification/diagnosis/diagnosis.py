@@ -95,7 +95,7 @@ from par4_identification.diagnosis.verdict.unrelated import left_of, swing_of, u
 from par4_identification.fitting.identification import SINGULAR
 from par4_identification.logs.log import Log, refuse_logs
 from par4_identification.signals.conditioning import Conditioning
-from par4_identification.signals.rows import Run
+from par4_identification.signals.run import Run
 from par4_identification.signals.scales import conditioning_for
 from par4_kinematics.robot import Axis, Robot
 

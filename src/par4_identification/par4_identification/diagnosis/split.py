@@ -9,8 +9,10 @@ import numpy as np
 from par4_identification.logs.log import Log
 from par4_identification.logs.stretches import parted, seconds_of, spread_over
 from par4_identification.signals.conditioning import Conditioning
+from par4_identification.signals.finer import parts_of_sample
 from par4_identification.signals.plateaus import every_third_between
-from par4_identification.signals.rows import Run, parts_of_sample, runs_of_logs
+from par4_identification.signals.rows import runs_of_logs
+from par4_identification.signals.run import Run
 from par4_kinematics.robot import Axis, Robot
 
 MOST = 480_000

@@ -41,7 +41,8 @@ from par4_identification.fitting.simulated import simulated_log
 from par4_identification.logs.log import Log, refuse_logs
 from par4_identification.logs.stretches import in_pieces
 from par4_identification.signals.conditioning import Conditioning
-from par4_identification.signals.rows import Run, runs_of_log, runs_of_logs
+from par4_identification.signals.rows import runs_of_log, runs_of_logs
+from par4_identification.signals.run import Run
 from par4_kinematics.errors import InputError
 from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot

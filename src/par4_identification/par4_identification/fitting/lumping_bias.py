@@ -16,7 +16,7 @@ import numpy as np
 from par4_dynamics.base_terms import base_columns, distributed_torque
 from par4_identification.estimators.covariance import sandwich
 from par4_identification.fitting.identification import Fitting, Identification, identify_runs
-from par4_identification.signals.rows import Run
+from par4_identification.signals.run import Run
 from par4_kinematics.robot import Robot
 
 

@@ -32,7 +32,7 @@ from par4_dynamics.state import State
 from par4_identification.estimators.estimate import Estimate
 from par4_identification.estimators.problem import Series, per_output, problem_of
 from par4_identification.estimators.weighted import weighted
-from par4_identification.signals.rows import Run
+from par4_identification.signals.run import Run
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
 

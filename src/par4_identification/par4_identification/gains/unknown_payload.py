@@ -26,7 +26,7 @@ from par4_identification.gains.known_payload import (
     friction_columns,
     named_columns,
 )
-from par4_identification.signals.rows import Run
+from par4_identification.signals.run import Run
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
 

@@ -27,7 +27,8 @@ from par4_identification.reports.outcome.identification import (
 from par4_identification.setup_check.finding import SetupCheck
 from par4_identification.signals.conditioning import Conditioning
 from par4_identification.signals.plateaus import LEAST_PLATEAUS
-from par4_identification.signals.rows import Run, runs_of_log
+from par4_identification.signals.rows import runs_of_log
+from par4_identification.signals.run import Run
 from par4_identification.signals.scales import conditioning_for
 from par4_identification.trend.bag_values import EARLIEST, without_date
 from par4_identification.trend.drift import MOVING

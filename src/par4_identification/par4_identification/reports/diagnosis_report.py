@@ -34,7 +34,7 @@ from par4_identification.reports.time_plots import (
     proposed_motion,
     residual_over_time,
 )
-from par4_identification.signals.rows import Run
+from par4_identification.signals.run import Run
 from par4_kinematics.machine_units import unit_on, words_on
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome

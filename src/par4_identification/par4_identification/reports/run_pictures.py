@@ -10,7 +10,7 @@ from par4_identification.reports.names import Names
 from par4_identification.reports.outcome.identification import autocorrelation
 from par4_identification.reports.residual_plots import residual_statistics
 from par4_identification.reports.time_plots import TorqueTraces
-from par4_identification.signals.rows import Run
+from par4_identification.signals.run import Run
 
 LAGS = 50
 """Rows over which autocorrelations are drawn."""

@@ -10,7 +10,7 @@ import numpy as np
 from par4_dynamics.model import Model
 from par4_identification.logs.log import Log
 from par4_identification.reports.names import Names
-from par4_identification.signals.rows import Run
+from par4_identification.signals.run import Run
 from par4_sim.report.drawing import CALCULATED, MEASURED
 from par4_sim.report.traces import Trace, Traces, shown_part, traces_of
 

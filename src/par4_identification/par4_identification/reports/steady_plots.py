@@ -12,7 +12,7 @@ from par4_dynamics.model_from_file import build_model
 from par4_dynamics.state import State
 from par4_identification.diagnosis.verdict.answer import Diagnosis
 from par4_identification.reports.names import Names
-from par4_identification.signals.rows import Run
+from par4_identification.signals.run import Run
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.drawing import AFTER, BEFORE, FLOOR, INK, drawn, image, legend
 

@@ -18,7 +18,7 @@ from par4_identification.reports.run_pictures import series_of_runs, statistics_
 from par4_identification.reports.sample_traces import torque_traces, worst_run
 from par4_identification.reports.steady_plots import steady_speeds_with, torque_over_speed
 from par4_identification.reports.time_plots import torque_over_time
-from par4_identification.signals.rows import Run
+from par4_identification.signals.run import Run
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome
 from par4_sim.report.words import number, percent

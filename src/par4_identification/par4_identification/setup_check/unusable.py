@@ -10,7 +10,8 @@ from par4_identification.diagnosis.verdict.answer import Diagnosis, Unusable
 from par4_identification.fitting.identification import singular_refused
 from par4_identification.setup_check.finding import Finding, SetupCheck
 from par4_identification.signals.conditioning import Conditioning
-from par4_identification.signals.rows import Run, runs_of_log
+from par4_identification.signals.rows import runs_of_log
+from par4_identification.signals.run import Run
 from par4_kinematics.errors import InputError, Par4Error
 
 Result = TypeVar('Result')

@@ -14,7 +14,7 @@ from par4_identification.diagnosis.evidence.evidence import Evidence, spread
 from par4_identification.diagnosis.evidence.observations import Observations, with_nominal
 from par4_identification.diagnosis.evidence.side_by_side import side_by_side
 from par4_identification.signals.filtering import central_difference, low_pass, second_difference
-from par4_identification.signals.rows import Run
+from par4_identification.signals.run import Run
 
 DRAWS = 4
 """Motions that are drawn with other roundings to encoder counts. Their mean tells the squares of

@@ -14,7 +14,7 @@ from par4_identification.diagnosis.evidence.evidence import Evidence
 from par4_identification.diagnosis.evidence.fit import Fit, solve
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import Observations
-from par4_identification.signals.rows import longest_motion
+from par4_identification.signals.run import longest_motion
 
 
 def with_doubt(parameters: dict[str, Parameter], other: dict[str, Parameter], share: float = 1.0

@@ -14,7 +14,7 @@ from par4_dynamics.model import Model
 from par4_dynamics.model_file import RigidBody
 from par4_identification.diagnosis.evidence.kind import Kind, key_of
 from par4_identification.fitting.identification import known_torque
-from par4_identification.signals.rows import Run
+from par4_identification.signals.run import Run
 from par4_kinematics.robot import Axis, Robot
 
 LEAST_SURE = 0.3

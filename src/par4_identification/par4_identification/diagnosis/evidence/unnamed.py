@@ -25,7 +25,7 @@ from par4_identification.diagnosis.evidence.kind_functions import (
     Ranges,
 )
 from par4_identification.diagnosis.evidence.observations import Observations
-from par4_identification.signals.rows import Run
+from par4_identification.signals.run import Run
 
 CELLS = 32
 """Of the shortest period, into which positions are sorted: their waves are right to 0.2 %."""

@@ -11,7 +11,7 @@ import scipy
 
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.signals.noise import ArNoise, Whitening, fit_noise
-from par4_identification.signals.rows import Run
+from par4_identification.signals.run import Run
 
 LEAST = 1e-9
 """Least variance of the noise, over the mean square of residuals, that is looked for."""

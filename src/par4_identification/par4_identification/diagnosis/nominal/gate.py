@@ -13,7 +13,7 @@ from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.estimators.quadratic import quadratic_columns
 from par4_identification.fitting.identification import OTHER_JOINTS, Identification
 from par4_identification.signals.plateaus import LEAST_PLATEAUS
-from par4_identification.signals.rows import Run
+from par4_identification.signals.run import Run
 from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
 

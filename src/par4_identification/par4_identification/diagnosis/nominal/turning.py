@@ -9,7 +9,7 @@ import numpy as np
 
 from par4_dynamics.model import Model
 from par4_dynamics.state import state_of_joints
-from par4_identification.signals.rows import Run
+from par4_identification.signals.run import Run
 
 SPACING = 0.05
 """s between the samples at which inertias are looked at."""

@@ -9,7 +9,7 @@ import numpy as np
 from par4_dynamics.effects.effect import Effect, Shape, single
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.diagnosis.evidence.projection import Projection
-from par4_identification.signals.rows import Run, longest_motion
+from par4_identification.signals.run import Run, longest_motion
 
 SLOWEST = 0.05
 """Share of the rows, the slowest, in which an order that is sought must show."""

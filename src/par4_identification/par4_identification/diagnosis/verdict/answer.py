@@ -20,7 +20,7 @@ from par4_identification.diagnosis.search.search import Rejected
 from par4_identification.diagnosis.verdict.judgement import UnnamedCause
 from par4_identification.diagnosis.verdict.pair import Pair
 from par4_identification.diagnosis.verdict.unrelated import Unrelated
-from par4_identification.signals.rows import Run
+from par4_identification.signals.run import Run
 
 EITHER_SIDE = 2.0
 """Deviations of a 95 % interval."""

@@ -18,7 +18,7 @@ from par4_identification.diagnosis.evidence.projection import Projection
 from par4_identification.diagnosis.search.causes import Hypotheses
 from par4_identification.diagnosis.search.rules import OF_PAR4
 from par4_identification.diagnosis.search.search import Search
-from par4_identification.signals.rows import Run
+from par4_identification.signals.run import Run
 
 Follows = Callable[[Run], np.ndarray]
 """What a size may follow, at the rows of a run, (m, J)."""

@@ -11,7 +11,7 @@ from par4_dynamics.model import Model
 from par4_identification.diagnosis.evidence.dithered import dithered_state, is_noisy
 from par4_identification.diagnosis.evidence.fit import Fit
 from par4_identification.diagnosis.evidence.observations import Observations
-from par4_identification.signals.rows import Run
+from par4_identification.signals.run import Run
 
 WINDOW = 30
 """Torque noise is measured in stretches of standstill of so many rows."""

@@ -15,7 +15,7 @@ import scipy
 
 from par4_dynamics.effects.transmission import load_inertia, transmitted_torque
 from par4_identification.diagnosis.evidence.observations import Observations
-from par4_identification.signals.rows import Run
+from par4_identification.signals.run import Run
 
 FRESH, LEANING = 0.05, 0.15
 """s around and after a change of sides in which a load rattles, and after which it has settled."""

@@ -21,7 +21,7 @@ from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.verdict.cycle import cycle_of
 from par4_identification.signals.noise import fit_noise
 from par4_identification.signals.position_noise import mean_spectrum
-from par4_identification.signals.rows import Run
+from par4_identification.signals.run import Run
 
 CHANCE = 1e-4
 """Probability, over all frequencies or blocks of a joint, of an accident that passes for a finding.

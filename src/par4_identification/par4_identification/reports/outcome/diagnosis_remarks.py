@@ -11,7 +11,7 @@ from par4_identification.diagnosis.search.shapes import highest_visible_order
 from par4_identification.diagnosis.verdict.answer import Cause, Diagnosis
 from par4_identification.reports.outcome.next_experiment import advice
 from par4_identification.reports.outcome.outcome import FLOOR_EXCESS, over_joints
-from par4_identification.signals.rows import Run, longest_motion
+from par4_identification.signals.run import Run, longest_motion
 from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Remark, note

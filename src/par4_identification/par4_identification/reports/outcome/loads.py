@@ -13,7 +13,8 @@ from par4_identification.logs.stretches import in_pieces
 from par4_identification.reports.outcome.drive_gain import gains_json, gains_remarks
 from par4_identification.reports.outcome.payload import payload_json, payload_remark
 from par4_identification.signals.conditioning import Conditioning
-from par4_identification.signals.rows import Run, runs_of_logs
+from par4_identification.signals.rows import runs_of_logs
+from par4_identification.signals.run import Run
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Remark
