@@ -10,8 +10,8 @@ from axes import axis
 from par4_identification.fitting.identification import identify
 from par4_identification.logs.log import Log
 from par4_identification.logs.measured import Measured
+from par4_identification.logs.measured_bag import write_measured
 from par4_identification.logs.read_log import read_log
-from par4_identification.logs.table_bag import write_measured
 from par4_identification.setup_check.check import check_setup
 from par4_identification.signals.conditioning import Conditioning
 from par4_identification.signals.scales import conditioning_for

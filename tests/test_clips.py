@@ -11,8 +11,9 @@ from par4_identification.logs.clips import clipped
 from par4_identification.logs.column_choice import chosen_columns
 from par4_identification.logs.masks import stretches
 from par4_identification.logs.measured import Measured
+from par4_identification.logs.measured_bag import write_measured
+from par4_identification.logs.measured_files import measured_of_files
 from par4_identification.logs.read_log import read_log
-from par4_identification.logs.table_bag import measured_of_files, write_measured
 
 T, Q, QD, QDD = swings(40.0)
 TAU = torque_of(QD, QDD)

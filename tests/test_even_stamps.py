@@ -10,7 +10,7 @@ import pytest
 from foreign import COULOMB, INERTIA, VISCOUS, identified, read, swings, torque_of
 
 from par4_identification.logs.column_choice import chosen_columns
-from par4_identification.logs.table_bag import measured_of_files
+from par4_identification.logs.measured_files import measured_of_files
 from par4_kinematics.errors import InputError
 
 

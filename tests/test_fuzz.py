@@ -31,8 +31,8 @@ from par4_identification.gains.static_push import read_force
 from par4_identification.jobs.inspect import inspect
 from par4_identification.logs.bag_repair import repair_bag
 from par4_identification.logs.column_choice import chosen_columns
+from par4_identification.logs.measured_files import measured_of_files
 from par4_identification.logs.read_log import read_log
-from par4_identification.logs.table_bag import measured_of_files
 from par4_identification.trend.bag_values import BagValues, EffectSize
 from par4_identification.trend.kept import FOLDER, Kept
 from par4_kinematics import motion_file, robot

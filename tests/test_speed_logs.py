@@ -13,8 +13,9 @@ from par4_identification.diagnosis.verdict.floor import noise_floor
 from par4_identification.fitting.identification import identify
 from par4_identification.logs.column_choice import chosen_columns
 from par4_identification.logs.integrated import are_integrals
+from par4_identification.logs.measured_bag import write_measured
+from par4_identification.logs.measured_files import measured_of_files
 from par4_identification.logs.read_log import read_log
-from par4_identification.logs.table_bag import measured_of_files, write_measured
 from par4_identification.signals.position_noise import position_noise
 from par4_identification.signals.rows import runs_of_log
 from par4_identification.signals.scales import conditioning_for

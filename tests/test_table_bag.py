@@ -25,8 +25,10 @@ from par4_identification.commands import bag
 from par4_identification.jobs.bag import joint_names
 from par4_identification.logs.column_choice import chosen_columns, named_otherwise
 from par4_identification.logs.measured import Measured
+from par4_identification.logs.measured_bag import write_measured
+from par4_identification.logs.measured_files import measured_of_files
 from par4_identification.logs.read_log import read_log
-from par4_identification.logs.table_bag import Part, measured_of_files, write_measured
+from par4_identification.logs.tables import Part
 from par4_identification.logs.units import UNITS
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import JOINT_NAMES, Axis, read_machine

@@ -15,8 +15,10 @@ from par4_identification.logs.column_choice import (
     motion_of,
     named_otherwise,
 )
+from par4_identification.logs.measured_bag import write_measured
+from par4_identification.logs.measured_files import measured_of_files
 from par4_identification.logs.measured_torque import WITHOUT_GAIN
-from par4_identification.logs.table_bag import Part, measured_of_files, write_measured
+from par4_identification.logs.tables import Part
 from par4_kinematics.errors import InputError
 from par4_kinematics.geometry import LEGS
 from par4_kinematics.machine_units import unit_on
