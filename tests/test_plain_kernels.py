@@ -12,7 +12,7 @@ COMPUTE = """
 import sys
 import numba
 import numpy as np
-from par4_dynamics.model import read_model
+from par4_dynamics.model_from_file import read_model
 from par4_dynamics.state import state_of_joints
 from par4_kinematics import forward_kinematics, inverse_kinematics, jacobian, read_robot
 robot = read_robot('reference')
