@@ -11,6 +11,9 @@ import numpy as np
 from par4_identification.logs.jumps import resolution
 from par4_identification.logs.log import Log
 from par4_identification.setup_check.finding import Finding, SetupCheck
+from par4_identification.setup_check.flat_tops import flat_tops
+from par4_identification.setup_check.held_readings import Held, held_stretches
+from par4_identification.setup_check.mute_torques import mute_torques
 from par4_identification.setup_check.pulses import answered
 from par4_identification.setup_check.repair import (
     despiked,
@@ -20,14 +23,7 @@ from par4_identification.setup_check.repair import (
     unslipped,
     without,
 )
-from par4_identification.setup_check.samples import (
-    Held,
-    flat_tops,
-    held_stretches,
-    mute_torques,
-    slips,
-    spikes,
-)
+from par4_identification.setup_check.spikes import slips, spikes
 from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.words import listed, number, percent

@@ -11,7 +11,7 @@ from par4_identification.logs.accounts import SHORTEST_SEGMENT
 from par4_identification.logs.log import Log
 from par4_identification.logs.masks import stretches
 from par4_identification.logs.stretches import SHORTEST
-from par4_identification.setup_check.samples import Held
+from par4_identification.setup_check.held_readings import Held
 
 LONGEST_FILLED = 0.06
 """s; longer stretches are cut out: the log goes on as another segment."""

@@ -1,10 +1,8 @@
-"""Faults that the samples tell by themselves, without any model.
+"""Readings that repeat though the machine moves: encoders that freeze, loggers that hold.
 
-An encoder that freezes and a logger that holds repeat a reading exactly while the machine moves,
-and jump when they go on; a slip jumps and stays; a spike jumps and comes back; a converter that
-clips repeats its largest value; a torque without a sensor stands still while its joint turns
-round, or is that of another. Encoder counts repeat readings too, but then the next one is a
-count away: a jump must be many counts and many times what the joint travels in a sample.
+They repeat a reading exactly and jump when they go on. Encoder counts repeat readings, too, but
+then the next one is a count away: a jump must be many counts and many times what the joint travels
+in a sample.
 """
 
 from __future__ import annotations
@@ -12,20 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
-from par4_identification.logs.jumps import (
-    AROUND,
-    BEYOND,
-    COUNTS,
-    SMALLEST,
-    WIDEST,
-    count_of,
-    jumps_of,
-    resolution,
-)
+from par4_identification.logs.jumps import AROUND, COUNTS, count_of, resolution
 from par4_identification.logs.log import Log
 from par4_identification.logs.masks import stretches
+from par4_identification.setup_check.flat_tops import flat_tops
 
 FEWEST = 4
 """Samples in a row that a held reading repeats."""
@@ -62,31 +51,6 @@ LONG_TRAVEL = 0.4
 """The same where a reading never changes."""
 UNSLOWED = 0.5
 """Least part of the speed before it that the last step of a reading that stopped at once has."""
-OFTEN = 0.01
-"""Share of samples from which deviations are no spikes but noise."""
-PART_OF_RANGE = 0.45
-"""Least spike of a torque, of its largest usual size; drives that answer single encoder counts
-give pulses of a tenth, loads that rattle of a third."""
-RARE = 4.0
-"""Ratio of a torque's spike to what two samples in a thousand exceed: gaps and springs ring."""
-AGREE = 0.3
-"""Most by which the neighbours of a spike may differ, of its size."""
-FLAT, FLATS, FLAT_RUNS = 4, 20, 3
-"""A torque is clipped if it stays at its largest value for so many samples in a row, for so many in
-all, and so often."""
-PILED = 4.0
-"""Ratio of the samples at that value to those at the one next to it, at the least."""
-SWITCHED = 0.4
-"""Part of the range of a torque by which it usually comes to its end or leaves it where it is not
-clipped but switched, as by a relay or by random steps; what is clipped comes near its end first."""
-MUTE, OUT_AND_BACK = 0.1, 0.2
-"""A torque that stays exactly the same for so many seconds is not measured if its joint meanwhile
-goes out and back by so much of its range: turning round takes torque, for friction and inertia."""
-LASTING = 0.9
-"""Least speed at the end over that at the beginning, of a joint that something drives."""
-COPIED, APART_WAY = 1.0, 0.2
-"""Of two torques that are equal to the last bit for so many seconds one is a copy, if the two
-joints meanwhile move apart by so much of the range of one."""
 
 
 @dataclass(frozen=True)
@@ -193,64 +157,6 @@ def _acceleration(q: np.ndarray, counts: np.ndarray, period: float) -> np.ndarra
     return np.where(cubic > COUNTED * counts, 12.0 * cubic / half ** 2, 0.0)
 
 
-@dataclass(frozen=True)
-class Mute:
-    """A stretch over which the torque of a joint is not its own.
-
-    Attributes:
-        start, end: rows, the end excluded.
-        joint: whose torque it is.
-        copied_from: the joint whose torque is told again; None where the torque stands still.
-    """
-
-    start: int
-    end: int
-    joint: int
-    copied_from: int | None
-
-
-def mute_torques(log: Log, swings: bool = True) -> list[Mute]:
-    """Return where a torque stands still while its joint turns round, or is that of another.
-
-    A drive at its limit may turn a joint round, and one without power lets it swing. So a torque
-    that moves elsewhere must stand below its largest, and beside torques that move unless nothing
-    `swings` the joint but its drive. Without power a joint slows down, so that a torque of nothing
-    at a lasting speed is none that moves the joint.
-    """
-    way, top = np.ptp(log.q, axis=0), np.abs(log.tau).max(axis=0)
-    dead = np.ptp(log.tau, axis=0) == 0.0
-    found = []
-    for segment in log.segments:
-        q, tau = log.q[segment], log.tau[segment]
-        for joint in range(q.shape[1]):
-            for start, last in stretches(np.diff(tau[:, joint]) == 0.0):
-                end = last + 1
-                if end - start < max(FEWEST, MUTE / log.period):
-                    continue
-                own, beside = q[start:end, joint], np.delete(tau[start:end], joint, axis=1)
-                silent = dead[joint] or (abs(tau[start, joint]) < top[joint] and (
-                    not swings or bool(np.ptp(beside, axis=0).any())))
-                turns = np.ptp(own) - abs(own[-1] - own[0]) > OUT_AND_BACK * way[joint] > 0.0
-                carried = (tau[start, joint] == 0.0 and (end - start) * log.period >= COPIED
-                           and np.ptp(own) > OUT_AND_BACK * way[joint] > 0.0 and _lasts(own))
-                if (silent and turns) or carried:
-                    found.append(Mute(segment.start + start, segment.start + end, joint, None))
-            for other in range(joint):
-                for start, end in stretches(tau[:, joint] == tau[:, other]):
-                    apart = np.ptp(q[start:end, joint] - q[start:end, other])
-                    if (end - start) * log.period >= COPIED and apart > APART_WAY * way[joint] and (
-                            np.ptp(tau[start:end, joint]) > 0.0):
-                        found.append(Mute(segment.start + start, segment.start + end, joint, other))
-    return found
-
-
-def _lasts(q: np.ndarray) -> bool:
-    """Return whether a joint whose positions are (n,) ends no slower than it begins."""
-    quarter = len(q) // 4
-    before, after = q[quarter] - q[0], q[-1] - q[-1 - quarter]
-    return bool(before * after > LASTING * before ** 2)
-
-
 def _distinct(found: list[Held]) -> list[Held]:
     """Return the stretches of which none lies in another that holds as many joints."""
     kept: list[Held] = []
@@ -318,87 +224,3 @@ def _count_beside(own: np.ndarray, start: int, end: int) -> float:
 def _travel_beside(q: np.ndarray, joint: int) -> float:
     """Return the most that a joint other than this one travels in rows q (n, J), rad."""
     return float(np.ptp(np.delete(q, joint, axis=1), axis=0).max(initial=0.0))
-
-
-def slips(log: Log) -> list[tuple[int, int, float]]:
-    """Return row, joint and size, rad, of readings that jump and stay."""
-    found = []
-    for segment in log.segments:
-        q = log.q[segment]
-        if len(q) < 4 * AROUND:
-            continue
-        for joint in range(q.shape[1]):
-            off, large = jumps_of(q[:, joint])
-            found += [(segment.start + int(row) + 1, joint, float(off[row]))
-                      for row in np.flatnonzero(large) if AROUND <= row < len(off) - AROUND]
-    return found
-
-
-def spikes(log: Log, column: str) -> np.ndarray:
-    """Return which samples (n, J) of 'q' or 'tau' stand out of their neighbours and come back."""
-    values = getattr(log, column)
-    found = np.zeros(values.shape, dtype=bool)
-    for segment in log.segments:
-        part = values[segment]
-        if len(part) < 4 * AROUND:
-            continue
-        for joint in range(part.shape[1]):
-            size = np.ascontiguousarray(part[:, joint])
-            own = np.abs(size - scipy.ndimage.median_filter(size, 2 * WIDEST + 1, mode='mirror'))
-            scatter = max(1.4826 * float(np.median(own)), float(np.quantile(own, 0.99)) / 2.6)
-            least = max(BEYOND * scatter, max(SMALLEST, COUNTS * resolution(size))
-                        if column == 'q' else
-                        max(PART_OF_RANGE * float(np.quantile(np.abs(size), 0.999)),
-                            RARE * float(np.quantile(own, 0.998))))
-            mask = own > least
-            if np.count_nonzero(mask) > OFTEN * len(own):
-                continue
-            for first, last in stretches(mask):
-                # beside a spike the medians are off by what the joint travels in a sample
-                high = first + np.flatnonzero(own[first:last] > 0.5 * own[first:last].max())
-                start, end = int(high[0]), int(high[-1]) + 1
-                # drives answer encoder counts by pulses; a spike has neighbours that agree
-                beside = size[max(start - 1, 0)], size[min(end, len(size) - 1)]
-                peak = own[start:end].max()
-                off = np.abs(size[start:end] - 0.5 * sum(beside)).min()
-                if (end - start <= WIDEST and abs(beside[1] - beside[0]) < AGREE * peak
-                        and off > 0.5 * peak and _off_the_curve(size, start, end) > 0.5 * peak):
-                    found[segment.start + start:segment.start + end, joint] = True
-    return found
-
-
-def _off_the_curve(values: np.ndarray, start: int, end: int) -> float:
-    """Return by how much values between two rows are off the cubic through two on either side.
-
-    At a low rate the quick turn of a joint stands out of the median of its neighbours, too, but
-    the curve through them goes round with it.
-    """
-    rows = np.array([start - 2, start - 1, end, end + 1])
-    rows = rows[(rows >= 0) & (rows < len(values))]
-    curve = np.polynomial.Polynomial.fit(rows, values[rows], len(rows) - 1)
-    return float(np.abs(values[start:end] - curve(np.arange(start, end))).min())
-
-
-def flat_tops(log: Log) -> np.ndarray:
-    """Return which torques (n, J) stand at their end as those of a full converter do.
-
-    Both ends are looked at, which need not be as far from zero. A torque in coarse steps stands at
-    its largest value, too, but hardly more often than at the one beside it, and one that switches
-    between levels comes from another level.
-    """
-    flat = np.zeros(log.tau.shape, dtype=bool)
-    for joint, tau in enumerate(log.tau.T):
-        least, most = tau.min(), tau.max()
-        if least == most:
-            continue
-        often = np.unique(tau[(least < tau) & (tau < most)], return_counts=True)[1]
-        ends = [end for end, outward, beside in ((least, least < 0.0, often[:1].sum()),
-                                                 (most, most > 0.0, often[-1:].sum()))
-                if outward and np.count_nonzero(tau == end) > PILED * beside]
-        runs = [run for end in ends for run in stretches(tau == end) if run[1] - run[0] >= FLAT]
-        steps = np.abs(np.diff(tau))[[row - 1 for run in runs for row in run if 0 < row < len(tau)]]
-        switches = len(steps) > 0 and np.median(steps) > SWITCHED * (most - least)
-        if (len(runs) >= FLAT_RUNS and not switches
-                and sum(end - start for start, end in runs) >= FLATS):
-            flat[:, joint] = np.isin(tau, ends)
-    return flat
