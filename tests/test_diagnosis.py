@@ -84,7 +84,7 @@ def answered(cogged_and_sticky):
 
     The search is done once for the same names; what a test changes is what is made of it.
     """
-    answer_of = diagnosis._answer
+    summed_up = diagnosis.summed_up
 
     def stop(*given):
         raise SearchedError(*given)
@@ -94,7 +94,7 @@ def answered(cogged_and_sticky):
         fit, heldout = cogged_and_sticky
         library = {name: diagnosis.LIBRARY[name] for name in names or diagnosis.LIBRARY}
         with pytest.MonkeyPatch.context() as patch, pytest.raises(SearchedError) as found:
-            patch.setattr(diagnosis, '_answer', stop)
+            patch.setattr(diagnosis, 'summed_up', stop)
             diagnose([fit], REFERENCE, holdout_logs=[heldout], library=library)
         return found.value.args
 
@@ -102,7 +102,7 @@ def answered(cogged_and_sticky):
         search, *others = searched(*names)
         search = copy(search)
         search.journal = Journal(list(search.journal.rejected))
-        return answer_of(search, *others)
+        return summed_up(search, *others)
 
     return answer
 

@@ -69,7 +69,7 @@ from par4_identification.diagnosis.verdict.answer import (
     Diagnosis,
     Unusable,
 )
-from par4_identification.diagnosis.verdict.summing_up import answer_of
+from par4_identification.diagnosis.verdict.summing_up import summed_up
 from par4_identification.fitting.identification import SINGULAR
 from par4_identification.logs.log import Log, refuse_logs
 from par4_identification.signals.conditioning import Conditioning
@@ -284,7 +284,7 @@ def _diagnosed(start: Start, heldout: Observations, machine: Robot | Axis,
                          moved.with_nominal(better), kinds, search.pool.evidence if same else None,
                          search.candidates.swing)
         model = search.run(tuple(named))
-    answer = answer_of(search, model, machine, baseline, rigid_body, effects, fit_runs, progress)
+    answer = summed_up(search, model, machine, baseline, rigid_body, effects, fit_runs, progress)
     return replace(answer, left_out=start.left_out, swing_hz=resonance(
         [softest, search.candidates.swing], observations))
 

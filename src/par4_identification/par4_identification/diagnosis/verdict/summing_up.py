@@ -54,7 +54,7 @@ them (rms) over their deviation, as told by how the parts of each stretch differ
 makes both larger."""
 
 
-def answer_of(search: Search, model: Hypotheses, machine: Robot | Axis, baseline: ModelFile | None,
+def summed_up(search: Search, model: Hypotheses, machine: Robot | Axis, baseline: ModelFile | None,
               rigid_body: str, effects: Mapping[str, Effect], fit_runs: tuple[Run, ...],
               progress: Progress) -> Diagnosis:
     """Return what is said of the causes that a search has found.
