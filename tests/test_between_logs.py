@@ -33,6 +33,7 @@ from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import observe, with_nominal
 from par4_identification.diagnosis.search.rules import rules_of_no_cause
 from par4_identification.jobs import diagnose as jobs
+from par4_identification.jobs.recorded import Recorded
 from par4_identification.setup_check.check import check_setup
 from par4_identification.signals.rows import runs_of_log
 from par4_sim.machines.noise import Noise
@@ -165,7 +166,7 @@ def test_a_load_in_one_recording_is_taken_out_before_causes_are_looked_for(monke
         return diagnose(*args[:4], SEARCHED if library is None else library, *args[5:])
 
     monkeypatch.setattr(jobs, 'diagnose', watched)
-    measured = jobs.Recorded(check, 1, CONDITIONING, None, None, False)
+    measured = Recorded(check, 1, CONDITIONING, None, None, False)
     found, between = jobs._diagnosis(measured, lambda _step: None)
     assert readings_of(between) == {
         ('loaded', Added(None, 'platform_mass_1')): pytest.approx(0.6, abs=0.005)}

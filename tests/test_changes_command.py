@@ -18,6 +18,8 @@ from par4_identification.commands import diagnose, identify
 from par4_identification.diagnosis import diagnosis
 from par4_identification.diagnosis.diagnosis import LIBRARY
 from par4_identification.jobs import diagnose as jobs
+from par4_identification.jobs import recorded as recordings
+from par4_identification.jobs.diagnosis_request import DiagnosisRequest
 from par4_identification.logs.bag_hash import bag_sha256
 from par4_identification.setup_check.finding import SetupCheck
 from par4_identification.signals.conditioning import Conditioning
@@ -213,9 +215,9 @@ def test_filters_of_all_bags_are_those_of_mended_ones(monkeypatch):
 
     for name, stand_in in (('read_bags', lambda *_: [own, before]), ('check_setup', mended),
                            ('conditioning_for', chosen), ('model_of_bags', fit)):
-        monkeypatch.setattr(jobs, name, stand_in)
-    asked = jobs.Asked(('own',), (), ('before',), 'reference', None, Path('out'), None, None, None,
-                       None, False, False)
-    measured = jobs._measured(asked, REFERENCE, None, lambda _: None)
+        monkeypatch.setattr(recordings, name, stand_in)
+    asked = DiagnosisRequest(('own',), (), ('before',), 'reference', None, Path('out'), None, None,
+                             None, None, False, False)
+    measured = recordings.recorded(asked, REFERENCE, None, lambda _: None)
     assert measured.conditioning.torque_cutoff_hz == 16.0
     assert fitted[-1] == ([True], 16.0)

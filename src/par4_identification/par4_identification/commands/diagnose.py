@@ -74,7 +74,8 @@ def diagnose_bags(**options: Any) -> None:
     """Name what a model gets wrong about the machine that made the bags."""
     with loading():
         from par4_identification.jobs import diagnose
-    diagnose.diagnose_bags(diagnose.Asked(**options))
+        from par4_identification.jobs.diagnosis_request import DiagnosisRequest
+    diagnose.diagnose_bags(DiagnosisRequest(**options))
 
 
 def main() -> None:

@@ -20,10 +20,7 @@ from par4_identification.diagnosis.evidence.fit import Fit, residuals, rms_of, s
 from par4_identification.diagnosis.evidence.holdout import Blocks
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.progress import Progress
-from par4_identification.diagnosis.search.causes import (
-    Hypotheses,
-    unnamed_of,
-)
+from par4_identification.diagnosis.search.causes import Hypotheses, unnamed_of
 from par4_identification.diagnosis.search.requirement import torque_errors
 from par4_identification.diagnosis.search.search import Search
 from par4_identification.diagnosis.search.simplicity import best_first
@@ -34,10 +31,7 @@ from par4_identification.diagnosis.verdict.answer import (
     Verdict,
 )
 from par4_identification.diagnosis.verdict.floor import deviation_of_base, noise_floor
-from par4_identification.diagnosis.verdict.judgement import (
-    doubt_of,
-    unnamed_cause,
-)
+from par4_identification.diagnosis.verdict.judgement import doubt_of, unnamed_cause
 from par4_identification.diagnosis.verdict.loose_loads import cause_of
 from par4_identification.diagnosis.verdict.loudness import follows_in_size
 from par4_identification.diagnosis.verdict.pair import Pair
