@@ -48,7 +48,7 @@ def identify_bags(**options: Any) -> None:
     """Identify the parameters of equation (20) from measured bags."""
     with loading():
         from par4_identification.jobs import identify
-    identify.identify_bags(identify.Asked(**options))
+    identify.identify_bags(identify.IdentificationRequest(**options))
 
 
 def main() -> None:

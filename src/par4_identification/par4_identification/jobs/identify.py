@@ -46,7 +46,7 @@ HEAVIEST = 1000.0
 
 
 @dataclass(frozen=True)
-class Asked:
+class IdentificationRequest:
     """What `par4_identify` was asked for, as the command line has it.
 
     Attributes:
@@ -90,7 +90,7 @@ class Asked:
         return Fitting(self.estimator, self.per_joint, self.offsets)
 
 
-def identify_bags(asked: Asked) -> None:
+def identify_bags(asked: IdentificationRequest) -> None:
     """Identify the parameters of equation (20) from measured bags."""
     machine = read_machine(asked.robot)
     truth = None if asked.compare_true is None else read_model(asked.compare_true, machine)

@@ -18,7 +18,7 @@ from par4_sim.tracking.case import Plan, models_named
 
 
 @dataclass(frozen=True)
-class Asked:
+class ComparisonRequest:
     """What a command was asked to compare, read.
 
     Attributes:
@@ -53,7 +53,7 @@ class Asked:
 
 def read_asked(motion: str, robot: str, machine: str, controller: tuple[str, ...],
                feedforward: tuple[str, ...], output: Path, fidelity: str, learning_cycles: int,
-               **played: Any) -> Asked:
+               **played: Any) -> ComparisonRequest:
     """Return what the options of `comparison_options` ask for.
 
     Raises:
@@ -72,5 +72,5 @@ def read_asked(motion: str, robot: str, machine: str, controller: tuple[str, ...
     options = {'motion': motion, 'machine': machine, 'controller': list(controller),
                'feedforward': list(feedforward), 'fidelity': fidelity,
                'learning_cycles': learning_cycles, **played}
-    return Asked(asked, truth, moved, controller, models, cycles, fidelity, learning_cycles,
-                 output, options)
+    return ComparisonRequest(asked, truth, moved, controller, models, cycles, fidelity,
+                             learning_cycles, output, options)
