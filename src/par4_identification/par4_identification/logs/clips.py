@@ -17,7 +17,7 @@ import numpy as np
 
 from par4_identification.logs.jumps import COUNTS, resolution
 from par4_identification.logs.masks import stretches
-from par4_identification.logs.series import LARGEST, Series
+from par4_identification.logs.topic_signal import LARGEST, Signal
 
 FLAT, FLATS, FLAT_RUNS = 4, 20, 3
 """Readings are clipped if they stay at an end of the log for so many samples in a row, for so many
@@ -49,8 +49,8 @@ def clips_of(values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
                            axis=1) for name in ('position', 'velocity') if name in values}
 
 
-def without_clipped(position: Series, torque: Series, joints: Sequence[str], unit: str
-                    ) -> tuple[Series, dict[str, tuple[float, tuple[float, ...], str]]]:
+def without_clipped(position: Signal, torque: Signal, joints: Sequence[str], unit: str
+                    ) -> tuple[Signal, dict[str, tuple[float, tuple[float, ...], str]]]:
     """Return the samples with no position clipped, and of which joints it is, see `Accounts`."""
     beside = np.stack([np.interp(position.stamp, torque.stamp, tau) for tau in torque.values.T],
                       axis=1)

@@ -14,8 +14,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from par4_identification.logs.series import FILLED, Series
 from par4_identification.logs.stamps import EVEN, by_line, in_a_row, numbered, spacing_counts
+from par4_identification.logs.topic_signal import FILLED, Signal
 
 SMOOTHER = 0.5
 """Mean square by which readings are off the line between their neighbours at even times, over that
@@ -31,12 +31,12 @@ CLIPPED = 0.99
 """Quantile of these squares beyond which one counts no more: a wrong reading is off both lines."""
 
 
-def evened(position: Series, torque: Series) -> tuple[Series, Series, float]:
+def evened(position: Signal, torque: Signal) -> tuple[Signal, Signal, float]:
     """Return positions and torques at the even times at which they were read.
 
     Torques of the same stamps were read at the same times; those that have others, as beside
     positions that are held, keep theirs. With them goes by how much the stamps jitter, s rms; zero,
-    and the same series, where they do not or where they are right. What is missing is told by the
+    and the same signals, where they do not or where they are right. What is missing is told by the
     spacings, or by long stretches alone if readings are smoother so.
     """
     stamp = position.stamp.astype(float)
@@ -78,10 +78,10 @@ def _drift(off: np.ndarray, parts: Sequence[np.ndarray]) -> float:
                if len(part) >= LONG else 0.0 for part in parts)
 
 
-def _at(series: Series, stamp: np.ndarray) -> Series:
-    """Return a series at other stamps; what is missing between these is counted anew."""
-    return replace(series, stamp=stamp, counts=replace(
-        series.counts, **vars(spacing_counts(stamp))))
+def _at(signal: Signal, stamp: np.ndarray) -> Signal:
+    """Return a signal at other stamps; what is missing between these is counted anew."""
+    return replace(signal, stamp=stamp, counts=replace(
+        signal.counts, **vars(spacing_counts(stamp))))
 
 
 def _off_the_line(time: np.ndarray, values: np.ndarray) -> np.ndarray:

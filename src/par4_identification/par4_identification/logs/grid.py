@@ -9,8 +9,8 @@ import numpy as np
 
 from par4_identification.logs.accounts import SHORTEST_SEGMENT
 from par4_identification.logs.jumps import joints_of_recordings
-from par4_identification.logs.series import FILLED, Series
 from par4_identification.logs.stamps import EVEN, numbered
+from par4_identification.logs.topic_signal import FILLED, Signal
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Grid:
     jumps: tuple[float, ...] = ()
 
 
-def grid_of(position: Series) -> Grid:
+def grid_of(position: Signal) -> Grid:
     """Return the positions on an even grid, cut at long gaps and where several of them jump.
 
     Evenly stamped samples stand as they are, with holes filled; otherwise a new grid

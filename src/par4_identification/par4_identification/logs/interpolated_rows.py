@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from par4_identification.logs.series import Series
 from par4_identification.logs.stamps import GAP
+from par4_identification.logs.topic_signal import Signal
 
 EXACT = 1e-9
 """Deviation from the line, over the range of a signal, that is none."""
@@ -23,7 +23,7 @@ TELLING = 4
 it together more often than chance has it: both hardly change where it is slow."""
 
 
-def without_interpolated(position: Series, torque: Series) -> tuple[Series, Series, int]:
+def without_interpolated(position: Signal, torque: Signal) -> tuple[Signal, Signal, int]:
     """Return the samples that were measured, and how many others there were.
 
     Positions and torques must have the same stamps; one signal alone does not tell.
@@ -56,9 +56,9 @@ def _on_line(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     return np.concatenate(([False], together, [False]))
 
 
-def _with(series: Series, kept: np.ndarray) -> Series:
-    """Return a series with some of its samples; many fewer have a period of their own."""
-    stamp = series.stamp[kept]
-    apart = float(np.median(np.diff(stamp))) if len(stamp) > 1 else series.period
-    return replace(series, stamp=stamp, values=series.values[kept],
-                   period=apart if apart > GAP * series.period else series.period)
+def _with(signal: Signal, kept: np.ndarray) -> Signal:
+    """Return a signal with some of its samples; many fewer have a period of their own."""
+    stamp = signal.stamp[kept]
+    apart = float(np.median(np.diff(stamp))) if len(stamp) > 1 else signal.period
+    return replace(signal, stamp=stamp, values=signal.values[kept],
+                   period=apart if apart > GAP * signal.period else signal.period)

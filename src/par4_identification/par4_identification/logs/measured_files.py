@@ -18,8 +18,8 @@ from par4_identification.logs.column_choice import (
 from par4_identification.logs.dates import DATES
 from par4_identification.logs.integrated import ways_of
 from par4_identification.logs.measured import Measured, are_readings
-from par4_identification.logs.series import MOST_CONFLICTS
 from par4_identification.logs.tables import Part, beside, read_tables, refuse_few
+from par4_identification.logs.topic_signal import MOST_CONFLICTS
 from par4_identification.logs.units import HIGHEST_RATE_HZ, LOWEST_RATE_HZ, TURN
 from par4_kinematics.errors import InputError
 from par4_kinematics.stamps import SECOND

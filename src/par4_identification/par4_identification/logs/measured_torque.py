@@ -9,10 +9,10 @@ import numpy as np
 
 from par4_identification.logs.clock import Clock
 from par4_identification.logs.raw_bag import RawBag
-from par4_identification.logs.series import Series, interpolated, series_of
 from par4_identification.logs.sources import Source
 from par4_identification.logs.stamped_rows import StampedRows, stamped_rows
 from par4_identification.logs.stamps import EVEN
+from par4_identification.logs.topic_signal import Signal, interpolated, signal_of
 from par4_kinematics.errors import InputError
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES
 from par4_kinematics.robot import Axis, Robot
@@ -24,7 +24,7 @@ WITHOUT_GAIN = ('voltages and no torque, and the robot file of {} has no gain; w
 
 
 def measured_torque(path: str | Path, bag: RawBag, machine: Robot | Axis, clock: Clock,
-                    kept: Source) -> tuple[Series, str, tuple[float, ...] | None, float]:
+                    kept: Source) -> tuple[Signal, str, tuple[float, ...] | None, float]:
     """Return the torques, their source, how far the other source disagrees, and by how many
     seconds the stamps of the torques were moved to the clock of the positions.
 
@@ -40,7 +40,7 @@ def measured_torque(path: str | Path, bag: RawBag, machine: Robot | Axis, clock:
     """
     states = bag.joints[JOINT_STATES.name]
     rows = stamped_rows(path, states, states.effort, machine.joint_names, 'effort')
-    effort = None if rows is None else _series(path, rows, clock, kept)
+    effort = None if rows is None else _signal(path, rows, clock, kept)
     voltages = bag.joints.get(AMPLIFIER_VOLTAGE.name)
     rows = None if voltages is None else stamped_rows(
         path, voltages, voltages.effort, machine.joint_names, 'voltage')
@@ -54,18 +54,18 @@ def measured_torque(path: str | Path, bag: RawBag, machine: Robot | Axis, clock:
         raise InputError(f'{path}: {WITHOUT_GAIN.format(machine.name)}')
     rows = kept.of_its_clock(rows)
     offset = clock.offset(rows)
-    voltage = _series(path, replace(rows, stamp=rows.stamp + offset), clock, kept)
+    voltage = _signal(path, replace(rows, stamp=rows.stamp + offset), clock, kept)
     torque = replace(voltage, values=voltage.values * machine.drive_gain)
     disagreement = None if effort is None else _disagreement(torque, effort, clock)
     return torque, AMPLIFIER_VOLTAGE.name, disagreement, 1e-9 * offset
 
 
-def _series(path: str | Path, rows: StampedRows, clock: Clock, kept: Source) -> Series:
+def _signal(path: str | Path, rows: StampedRows, clock: Clock, kept: Source) -> Signal:
     own = kept.of_its_clock(rows)
-    return series_of(path, kept.unmixed(own, clock.time(own.received, own.stamp)), clock)
+    return signal_of(path, kept.unmixed(own, clock.time(own.received, own.stamp)), clock)
 
 
-def _disagreement(torque: Series, effort: Series, clock: Clock) -> tuple[float, ...] | None:
+def _disagreement(torque: Signal, effort: Signal, clock: Clock) -> tuple[float, ...] | None:
     other = interpolated(effort, torque.stamp, clock, EVEN * torque.period)
     common = np.isfinite(other).all(axis=1)
     if not common.any():

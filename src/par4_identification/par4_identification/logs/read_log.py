@@ -38,16 +38,16 @@ from par4_identification.logs.measured_torque import measured_torque
 from par4_identification.logs.raw_bag import JointSamples
 from par4_identification.logs.reference import reference_of
 from par4_identification.logs.refresh import at_refreshes, fresh
-from par4_identification.logs.series import (
-    FEWEST_SAMPLES,
-    Series,
-    interpolated,
-    refuse_two_sources,
-    series_of,
-)
 from par4_identification.logs.sources import beside_mixed, source_of
 from par4_identification.logs.stamped_rows import StampedRows, reordered, stamped_rows
 from par4_identification.logs.stamps import EVEN, GAP
+from par4_identification.logs.topic_signal import (
+    FEWEST_SAMPLES,
+    Signal,
+    interpolated,
+    refuse_two_sources,
+    signal_of,
+)
 from par4_kinematics.errors import InputError
 from par4_kinematics.interface import JOINT_STATES
 from par4_kinematics.machine_units import unit_on
@@ -83,7 +83,7 @@ def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = No
     clock = Clock(own.received, own.stamp, own.values)
     time = clock.time(own.received, own.stamp)
     source = beside_mixed(source, own, time)
-    position = series_of(path, source.unmixed(own, time), clock)
+    position = signal_of(path, source.unmixed(own, time), clock)
     refuse_two_sources(path, position)
     torque, torque_source, disagreement, offset = measured_torque(path, bag, machine, clock,
                                                                   source)
@@ -141,12 +141,12 @@ def _integrated(path: str | Path, states: JointSamples, rows: StampedRows, joint
 class _Together:
     """Positions that were put together where readings jump though joints go on; see `Accounts`."""
 
-    position: Series
+    position: Signal
     wraps: dict[str, int]
     restarts: dict[str, tuple[int, float, str]]
 
 
-def _put_together(position: Series, machine: Robot | Axis) -> _Together:
+def _put_together(position: Signal, machine: Robot | Axis) -> _Together:
     """Return positions without the jumps of readings that wrap round or count from new."""
     joints, width = machine.joint_names, np.diff(position.stamp) / position.period
     wraps: dict[str, int] = {}
@@ -176,7 +176,7 @@ class _Cut:
     without_torque: int
 
 
-def _with_torque(grid: Grid, torque: Series, clock: Clock) -> _Cut:
+def _with_torque(grid: Grid, torque: Signal, clock: Clock) -> _Cut:
     """Return the segments of a grid where the torque is known."""
     segments, short, without_torque = [], grid.short, 0
     for time, q in grid.pieces:

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from par4_identification.logs.series import FILLED, Series
 from par4_identification.logs.stamps import nearest_stamp
+from par4_identification.logs.topic_signal import FILLED, Signal
 
 FEWEST = 50
 """Refreshes from which their rhythm is known."""
@@ -83,21 +83,21 @@ def jumps(before: np.ndarray, after: np.ndarray) -> bool:
     return False
 
 
-def fresh(series: Series) -> tuple[Series, float]:
+def fresh(signal: Signal) -> tuple[Signal, float]:
     """Return the samples that are no repetition, and the time, s, for which each is held.
 
-    That time is zero where a series is not held; all its samples are then returned.
+    That time is zero where a signal is not held; all its samples are then returned.
     """
-    found = refresh_of(series.values)
+    found = refresh_of(signal.values)
     if found is None:
-        return series, 0.0
-    period = found.every * series.period
-    return replace(series, stamp=series.stamp[found.rows], values=series.values[found.rows],
+        return signal, 0.0
+    period = found.every * signal.period
+    return replace(signal, stamp=signal.stamp[found.rows], values=signal.values[found.rows],
                    period=period), 1e-9 * period
 
 
-def at_refreshes(series: Series, slow: Series) -> Series:
-    """Return the samples of a series next to those of one that is refreshed more slowly."""
-    rows = np.unique(nearest_stamp(series.stamp, slow.stamp))
-    return replace(series, stamp=series.stamp[rows], values=series.values[rows],
+def at_refreshes(signal: Signal, slow: Signal) -> Signal:
+    """Return the samples of a signal next to those of one that is refreshed more slowly."""
+    rows = np.unique(nearest_stamp(signal.stamp, slow.stamp))
+    return replace(signal, stamp=signal.stamp[rows], values=signal.values[rows],
                    period=slow.period)

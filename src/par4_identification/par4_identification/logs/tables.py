@@ -11,7 +11,7 @@ import numpy as np
 from par4_identification.logs.column_choice import Choice
 from par4_identification.logs.dates import DAY, day_after_day
 from par4_identification.logs.log_table import held_columns, read_columns
-from par4_identification.logs.series import FEWEST_SAMPLES
+from par4_identification.logs.topic_signal import FEWEST_SAMPLES
 from par4_kinematics.errors import InputError
 
 OVERLAP = 0.5

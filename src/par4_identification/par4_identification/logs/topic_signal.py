@@ -30,8 +30,15 @@ samples do not follow the motion, so that up to a third of those of one machine 
 
 
 @dataclass(frozen=True)
-class Series:
-    """Finite samples in order: stamp on the axis (n,) ns, values (n, J), period ns, counts."""
+class Signal:
+    """Finite samples of one topic, in order.
+
+    Attributes:
+        stamp: on the time axis of the bag, (n,) ns.
+        values: (n, J), as the topic has them.
+        period: usual spacing of the stamps, ns.
+        counts: what was read, and what of it was left out.
+    """
 
     stamp: np.ndarray
     values: np.ndarray
@@ -39,7 +46,7 @@ class Series:
     counts: SampleCounts
 
 
-def series_of(path: str | Path, rows: StampedRows, clock: Clock) -> Series:
+def signal_of(path: str | Path, rows: StampedRows, clock: Clock) -> Signal:
     """Return the rows sorted, without repeats and NaN, on the time axis of the bag.
 
     Raises:
@@ -87,11 +94,11 @@ def series_of(path: str | Path, rows: StampedRows, clock: Clock) -> Series:
     # a logger that merges signals of several rates leaves the cells of the slower ones empty
     apart = float(np.median(np.diff(stamp)))
     period = 1e9 * counts.period
-    return Series(stamp, taken(rows.values, order), apart if apart > GAP * period else period,
+    return Signal(stamp, taken(rows.values, order), apart if apart > GAP * period else period,
                   counts)
 
 
-def refuse_two_sources(path: str | Path, position: Series) -> None:
+def refuse_two_sources(path: str | Path, position: Signal) -> None:
     """Refuse positions that jump to and fro between two machines.
 
     Raises:
@@ -107,27 +114,27 @@ def refuse_two_sources(path: str | Path, position: Series) -> None:
             'at a time, in a namespace or ROS_DOMAIN_ID of its own')
 
 
-def interpolated(series: Series, time: np.ndarray, clock: Clock, tolerance: float) -> np.ndarray:
+def interpolated(signal: Signal, time: np.ndarray, clock: Clock, tolerance: float) -> np.ndarray:
     """Return values (n, J) at times (n,) ns; NaN outside the samples and in their long gaps.
 
     A sample within `tolerance`, ns, of a time is taken as it is. Between samples values follow
     cubic splines: straight lines are a low-pass, which took 1.4 % off the torque of a fast motion
     that was read at 100 Hz beside positions at 1 kHz.
     """
-    stamp = series.stamp
+    stamp = signal.stamp
     nearest = nearest_stamp(stamp, time)
-    values = series.values[nearest]
+    values = signal.values[nearest]
     between = np.flatnonzero(np.abs(stamp[nearest] - time) > tolerance)
     if not len(between):
         return values
-    far = np.round(np.diff(stamp) / series.period) - 1 > FILLED
+    far = np.round(np.diff(stamp) / signal.period) - 1 > FILLED
     broken = far | (clock.run(stamp[:-1]) != clock.run(stamp[1:]))
     values[between] = np.nan
     for start, end in stretches(~broken):
         inside = between[(time[between] > stamp[start]) & (time[between] < stamp[end])]
         if len(inside):
-            values[inside] = _curve(stamp[start:end + 1], series.values[start:end + 1],
-                                    time[inside], series.period)
+            values[inside] = _curve(stamp[start:end + 1], signal.values[start:end + 1],
+                                    time[inside], signal.period)
     return values
 
 
