@@ -23,7 +23,7 @@ from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES, Topic
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.robot import JOINT_NAMES
 from par4_kinematics.ros.convert import write_joint_state
-from par4_kinematics.ros.diagnostics import State
+from par4_kinematics.ros.diagnostics import OK, WARN, NodeState
 from par4_kinematics.stamps import SECOND
 from robots import REFERENCE
 
@@ -238,8 +238,8 @@ def test_stamps_that_do_not_move_are_told_until_they_move(monitor, tick):
         send(monitor, time, time + 0.005)
         state = MonitorNode._judged(monitor)
         if number < STILL:
-            assert (state.level, state.text[:8]) == (State.OK, 'learning')
-    assert state.level == State.WARN
+            assert (state.level, state.text[:8]) == (OK, 'learning')
+    assert state.level == WARN
     assert state.text.startswith('the stamps of joint_states do not move')
     assert state.detail.endswith(' before, the last at 5000.000 s')
     send(monitor, 5000.0, 5005.0)
@@ -250,10 +250,10 @@ def test_a_monitor_names_the_joints_that_it_still_learns(monitor):
     monitor._watch = DriftWatch(4, learning=10)
     rests = np.where(np.arange(4)[:, None] == 3, np.nan, 0.0)
     watched(np.random.default_rng(4), 10, monitor._watch, rests)
-    assert MonitorNode._judged(monitor) == State(
-        State.OK, 'follows its model; still learning: arm_joint_3')
+    assert MonitorNode._judged(monitor) == NodeState(
+        OK, 'follows its model; still learning: arm_joint_3')
     watched(np.random.default_rng(5), 10, monitor._watch)
-    assert MonitorNode._judged(monitor) == State(State.OK, 'follows its model')
+    assert MonitorNode._judged(monitor) == NodeState(OK, 'follows its model')
 
 
 def test_messages_that_come_twice_are_no_stamps_that_do_not_move(monitor):
@@ -261,7 +261,7 @@ def test_messages_that_come_twice_are_no_stamps_that_do_not_move(monitor):
     for time in np.arange(0.0, 10.0, 0.01):
         for _ in range(3):
             send(monitor, time, time + 0.005)
-        assert MonitorNode._judged(monitor).level == State.OK
+        assert MonitorNode._judged(monitor).level == OK
 
 
 def test_a_monitor_that_can_look_at_nothing_says_so_and_why(monitor):
@@ -271,16 +271,16 @@ def test_a_monitor_that_can_look_at_nothing_says_so_and_why(monitor):
         MonitorNode._look, MonitorNode._window))
     monitor._rms = np.full(4, np.nan)
     send(monitor, 0.0, 3.0 * WINDOW)
-    assert MonitorNode._judged(monitor).level == State.OK
+    assert MonitorNode._judged(monitor).level == OK
     send(monitor, 3.0 * WINDOW, (3.0 + BLIND - 1.0) * WINDOW, (JOINT_STATES,), None)
-    assert MonitorNode._judged(monitor).level == State.OK
+    assert MonitorNode._judged(monitor).level == OK
     send(monitor, (3.0 + BLIND - 1.0) * WINDOW, (6.0 + BLIND) * WINDOW, (JOINT_STATES,), None)
     state = MonitorNode._judged(monitor)
-    assert state.level == State.WARN
+    assert state.level == WARN
     assert state.text.startswith('nothing is looked at')
     assert '0 samples with position and torque' in state.detail
     send(monitor, (6.0 + BLIND) * WINDOW, (9.0 + BLIND) * WINDOW)
-    assert MonitorNode._judged(monitor).level == State.OK
+    assert MonitorNode._judged(monitor).level == OK
 
 
 def test_voltages_without_joint_states_do_not_pile_up(monitor):

@@ -28,7 +28,7 @@ from par4_kinematics.motion_file import named_motion, write_motion
 from par4_kinematics.robot import JOINT_NAMES
 from par4_kinematics.ros import motion_node
 from par4_kinematics.ros.convert import read_trajectory
-from par4_kinematics.ros.diagnostics import State
+from par4_kinematics.ros.diagnostics import OK, WARN, NodeState
 from par4_kinematics.ros.motion_node import MotionNode
 from par4_kinematics.ros.played import Played
 from par4_kinematics.ros.silence import Silence
@@ -269,13 +269,13 @@ def test_a_robot_that_stands_and_warns_of_something_is_quoted(cell, robot_node):
     assert 'trip' not in said
 
 
-@pytest.mark.parametrize(('level', 'quoted'), [(State.OK, ''), (State.WARN, 'reset')])
+@pytest.mark.parametrize(('level', 'quoted'), [(OK, ''), (WARN, 'reset')])
 def test_of_a_node_its_state_is_quoted_without_what_it_counts(cell, robot_node, level, quoted):
     cell.node._diagnostics._publisher = mock.Mock()
-    cell.node._tell(State(level, 'reset', 'a remedy'), {'late_steps': 615})
+    cell.node._tell(NodeState(level, 'reset', 'a remedy'), {'late_steps': 615})
     told = cell.node._diagnostics._publisher.publish.call_args.args[0]
     assert told.status[0].message == 'reset: a remedy; 615 late_steps'
-    assert told.status[0].level == State.WARN
+    assert told.status[0].level == WARN
     told.status[0].name = robot_node
     cell.node._on_diagnostics(diagnostics(robot_node, DiagnosticStatus.ERROR, 'hot'))
     cell.node._on_diagnostics(told)
@@ -294,7 +294,7 @@ def test_diagnostics_of_several_nodes_are_not_taken_for_missed_ones(cell):
     first, second = (call.args[0].status[0]
                      for call in cell.node._diagnostics._publisher.publish.call_args_list)
     assert 'missed_messages' not in first.message
-    assert first.level == State.OK
+    assert first.level == OK
     assert '2 missed_messages' in second.message
 
 

@@ -17,7 +17,7 @@ from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES, Topic
 from par4_kinematics.robot import read_robot
 from par4_kinematics.ros.convert import is_foreign, joint_values, time_ns
-from par4_kinematics.ros.diagnostics import State
+from par4_kinematics.ros.diagnostics import OK, WARN, NodeState
 from par4_kinematics.ros.node import Par4Node
 from par4_kinematics.ros.process import run
 from par4_kinematics.stamps import SECOND
@@ -157,35 +157,35 @@ class MonitorNode(Par4Node):
         return Log('window', self._robot.joint_names, int(stamps[0]), period,
                    stamps[0] / SECOND + t, q, tau, (slice(0, len(t)),), None, None)
 
-    def state(self) -> State:
+    def state(self) -> NodeState:
         """Return whether the machine follows its model, and what drifts since when."""
         state = super().state()
-        if state.level != State.OK or state.text.startswith('waiting'):
+        if state.level != OK or state.text.startswith('waiting'):
             return state
         return self._judged()
 
-    def _judged(self) -> State:
+    def _judged(self) -> NodeState:
         """Return what the windows say of the machine, or why there are none."""
         if self._repeated >= max(STILL, CROWD * len(self._position)):
-            return State(State.WARN, f'the stamps of {JOINT_STATES.name} do not move: nothing is '
-                                     f'looked at; stamp each with the time of its measurement',
-                         f'{self._repeated} came with a stamp that was there before, the last at '
-                         f'{max(self._position) / SECOND:.3f} s')
+            return NodeState(WARN, f'the stamps of {JOINT_STATES.name} do not move: nothing is '
+                                   f'looked at; stamp each with the time of its measurement',
+                             f'{self._repeated} came with a stamp that was there before, the last '
+                             f'at {max(self._position) / SECOND:.3f} s')
         if self._skipped >= BLIND:
-            return State(State.WARN, 'nothing is looked at: no window of '
-                                     f'{JOINT_STATES.name} and torque can be used',
-                         f'the last {self._skipped} were skipped: {self._reason}')
+            return NodeState(WARN, 'nothing is looked at: no window of '
+                                   f'{JOINT_STATES.name} and torque can be used',
+                             f'the last {self._skipped} were skipped: {self._reason}')
         drifts = self._watch.drifts
         if drifts:
             joints = ', '.join(f'{self._robot.joint_names[drift.joint]} ({drift.acts_like})'
                                for drift in drifts)
-            return State(State.WARN, f'drifts from its model: {joints}',
-                         '; '.join(map(str, drifts)))
+            return NodeState(WARN, f'drifts from its model: {joints}',
+                             '; '.join(map(str, drifts)))
         if self._watch.learning:
-            return State(State.OK, f'learning, {self._watch.learning} windows of motion to go')
+            return NodeState(OK, f'learning, {self._watch.learning} windows of motion to go')
         unknown = ', '.join(self._robot.joint_names[joint] for joint in self._watch.unknown)
-        return State(State.OK, 'follows its model'
-                     + (f'; still learning: {unknown}' if unknown else ''))
+        return NodeState(OK, 'follows its model'
+                         + (f'; still learning: {unknown}' if unknown else ''))
 
     def traffic(self) -> dict[str, int]:
         """Return how many windows were looked at."""

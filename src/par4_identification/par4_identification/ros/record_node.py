@@ -24,7 +24,7 @@ from par4_kinematics.interface import (
     SHOWN_TOPICS,
     Topic,
 )
-from par4_kinematics.ros.diagnostics import State
+from par4_kinematics.ros.diagnostics import ERROR, OK, NodeState
 from par4_kinematics.ros.node import SILENCE, Par4Node
 from par4_kinematics.ros.numbering import Numbering
 from par4_kinematics.ros.process import run
@@ -171,18 +171,18 @@ class RecordNode(Par4Node):
                 if time.monotonic() - self._newest.get(name, math.inf) > SILENCE
                 ] + super().dead_inputs()
 
-    def state(self) -> State:
+    def state(self) -> NodeState:
         """Return whether the node records, and whether what it records still comes."""
         state = super().state()
-        if state.level != State.OK:
+        if state.level != OK:
             return state
         if self.failure is not None:
-            return State(State.ERROR, f'a bag is not complete: {self.failure}')
+            return NodeState(ERROR, f'a bag is not complete: {self.failure}')
         if self._bag is None:
-            return State(State.OK, 'stopped')
+            return NodeState(OK, 'stopped')
         if JOINT_STATES.name not in self._newest:
-            return State(State.OK, f'waiting for {JOINT_STATES.name}')
-        return State(State.OK, f'recording {self._path}')
+            return NodeState(OK, f'waiting for {JOINT_STATES.name}')
+        return NodeState(OK, f'recording {self._path}')
 
     def faults(self) -> dict[str, int]:
         """Return the messages lost on the way, with what every node counts."""

@@ -12,7 +12,7 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 
 from par4_kinematics.interface import CLOCK
-from par4_kinematics.ros.diagnostics import State
+from par4_kinematics.ros.diagnostics import ERROR, WARN, NodeState
 from par4_kinematics.stamps import SECOND
 
 TO_AND_FRO = 3.0
@@ -55,14 +55,14 @@ class ClockWatch:
         """Seconds of wall time since the clock moved, less than zero before its first time."""
         return time.monotonic() - self._moved
 
-    def state(self, clocks: int) -> State | None:
+    def state(self, clocks: int) -> NodeState | None:
         """Return that so many publish the clock, and whether they do so now; None if it is one."""
         if clocks > 1 and self._jumps_to_and_fro():
-            return State(State.ERROR, f'{clocks} publish {CLOCK.name}: end all but one '
-                                      f'simulation, or give each a ROS_DOMAIN_ID of its own')
+            return NodeState(ERROR, f'{clocks} publish {CLOCK.name}: end all but one '
+                                    f'simulation, or give each a ROS_DOMAIN_ID of its own')
         if clocks > 1:
-            return State(State.WARN, f'{clocks} publish {CLOCK.name}, one of which may have been '
-                                     f'killed: it counts for some 20 s more')
+            return NodeState(WARN, f'{clocks} publish {CLOCK.name}, one of which may have been '
+                                   f'killed: it counts for some 20 s more')
         return None
 
     def _jumps_to_and_fro(self) -> bool:

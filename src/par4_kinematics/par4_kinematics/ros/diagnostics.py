@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.duration import Duration
@@ -14,9 +13,13 @@ from par4_kinematics.interface import COUNTS
 from par4_kinematics.ros.convert import write_time
 from par4_kinematics.ros.troubles import TROUBLE
 
+OK: bytes = DiagnosticStatus.OK
+WARN: bytes = DiagnosticStatus.WARN
+ERROR: bytes = DiagnosticStatus.ERROR
+
 
 @dataclass(frozen=True)
-class State:
+class NodeState:
     """What a node does now, in words, and how bad that is.
 
     Attributes:
@@ -28,10 +31,6 @@ class State:
     level: bytes
     text: str
     detail: str = ''
-
-    OK: ClassVar[bytes] = DiagnosticStatus.OK
-    WARN: ClassVar[bytes] = DiagnosticStatus.WARN
-    ERROR: ClassVar[bytes] = DiagnosticStatus.ERROR
 
     @property
     def said(self) -> str:
@@ -47,7 +46,7 @@ class Diagnostics:
         self._node, self._publisher = node, publisher
         self._reported: dict[str, int] = {}
         self._explained: set[str] = set()
-        self._last_state = State(State.OK, 'running')
+        self._last_state = NodeState(OK, 'running')
 
     def new(self, faults: dict[str, int], expected: tuple[str, ...]) -> dict[str, int]:
         """Return the faults since the last call, by name, and log those that are not expected."""
@@ -62,32 +61,32 @@ class Diagnostics:
             self._explained |= unsaid.keys()
         return new
 
-    def log(self, state: State) -> None:
+    def log(self, state: NodeState) -> None:
         """Log a state that is another than the last one."""
         if (state.level, state.text) == (self._last_state.level, self._last_state.text):
             return
-        good = state.level == self._last_state.level == State.OK
+        good = state.level == self._last_state.level == OK
         self._last_state = state
-        if state.level == State.OK:  # rclpy wants one severity a line
+        if state.level == OK:  # rclpy wants one severity a line
             if not good:
                 self._node.get_logger().info(state.said)
-        elif state.level == State.WARN:
+        elif state.level == WARN:
             self._node.get_logger().warning(state.said)
         else:
             self._node.get_logger().error(state.said)
 
-    def publish(self, stamp_ns: int, state: State, new: dict[str, int], worrying: bool,
+    def publish(self, stamp_ns: int, state: NodeState, new: dict[str, int], worrying: bool,
                 values: dict[str, int | str]) -> None:
         """Publish a state, faults that are `new` and whether these are `worrying`, and values."""
         news = ', '.join(f'{count} {name}' for name, count in new.items())
         message = DiagnosticArray()
         write_time(message.header.stamp, stamp_ns)
         message.status = [DiagnosticStatus(
-            level=max(state.level, State.WARN if worrying else State.OK),
+            level=max(state.level, WARN if worrying else OK),
             name=self._node.get_fully_qualified_name(),
             message=f'{state.said}; {news}' if news else state.said,
             values=[KeyValue(key=name, value=str(value)) for name, value in
-                    {TROUBLE: '' if state.level == State.OK else state.text, **self._reported,
+                    {TROUBLE: '' if state.level == OK else state.text, **self._reported,
                      **values}.items()])]
         self._publisher.publish(message)
 

@@ -46,7 +46,7 @@ def action_type() -> Any:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class GoalEnd:
     """How a goal ended: 'succeed', 'abort' or 'canceled', with its error code and words."""
 
     end: str
@@ -117,7 +117,7 @@ class GoalServer:
         self._motion: Motion | None = None
         self._handle: Any = None
         self._ended: Future | None = None
-        self._broken: Outcome | None = None
+        self._broken: GoalEnd | None = None
         self._server = ActionServer(
             node, self._type, '~/follow_joint_trajectory', execute_callback=self._execute,
             goal_callback=self._judge, cancel_callback=self._cancel)
@@ -149,10 +149,10 @@ class GoalServer:
         self._play(self._motion)
         if handle.is_cancel_requested:  # before there was anything to stop
             self._stop()
-        outcome = await self._ended
-        getattr(handle, outcome.end)()
+        ended = await self._ended
+        getattr(handle, ended.end)()
         self._handle = self._motion = None
-        return self._type.Result(error_code=outcome.code, error_string=outcome.words)
+        return self._type.Result(error_code=ended.code, error_string=ended.words)
 
     @property
     def unanswered(self) -> bool:
@@ -173,7 +173,7 @@ class GoalServer:
         beyond = np.abs(error) > self._path
         if beyond.any():
             joint = int(np.argmax(beyond))
-            self._broken = Outcome('abort', PATH_BROKEN, (
+            self._broken = GoalEnd('abort', PATH_BROKEN, (
                 f'{JOINT_NAMES[joint]} is {abs(error[joint]):.3g} rad from its path, '
                 f'{self._path[joint]:.3g} rad are allowed'))
             self._stop()
@@ -201,11 +201,11 @@ class GoalServer:
             return True
         actual, motion = self._position(), self._motion
         if self._broken is not None:
-            outcome = self._broken
+            ended = self._broken
         elif stopped:
             asked = self._handle is not None and self._handle.is_cancel_requested
-            outcome = Outcome('canceled' if asked else 'abort', SUCCESSFUL if asked else
-                              INVALID_GOAL, 'braked on its path before its end')
+            ended = GoalEnd('canceled' if asked else 'abort', SUCCESSFUL if asked else
+                            INVALID_GOAL, 'braked on its path before its end')
         else:
             missed = (np.zeros(4) if actual is None or motion is None
                       else np.abs(motion.q[-1] - actual))
@@ -213,15 +213,15 @@ class GoalServer:
             if beyond.any() and late_ns <= self._patience_ns:
                 return False
             joint = int(np.argmax(beyond))
-            outcome = Outcome('abort', GOAL_MISSED, (
+            ended = GoalEnd('abort', GOAL_MISSED, (
                 f'{JOINT_NAMES[joint]} ended {missed[joint]:.3g} rad from its goal, '
-                f'{self._goal[joint]:.3g} rad are allowed')) if beyond.any() else Outcome(
+                f'{self._goal[joint]:.3g} rad are allowed')) if beyond.any() else GoalEnd(
                     'succeed', SUCCESSFUL, 'followed to its end')
-        self._ended.set_result(outcome)
+        self._ended.set_result(ended)
         return True
 
     def fail(self, error: Par4Error) -> None:
         """End the goal that is being followed, because it cannot be."""
         if self._ended is not None and not self._ended.done():
-            self._ended.set_result(Outcome('abort', INVALID_GOAL, str(error)))
+            self._ended.set_result(GoalEnd('abort', INVALID_GOAL, str(error)))
         self._node.get_logger().error(str(error))

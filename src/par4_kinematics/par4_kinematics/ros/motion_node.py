@@ -24,7 +24,7 @@ from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import read_robot
 from par4_kinematics.ros import motion_faults
 from par4_kinematics.ros.convert import is_foreign, joint_values, time_ns, write_trajectory
-from par4_kinematics.ros.diagnostics import State
+from par4_kinematics.ros.diagnostics import OK, WARN, NodeState
 from par4_kinematics.ros.goal_server import ACTION, ARRIVED, GoalServer
 from par4_kinematics.ros.motion_parameters import MotionParameters
 from par4_kinematics.ros.node import SILENCE, Par4Node, waited_for
@@ -405,14 +405,14 @@ class MotionNode(Par4Node):
         write_trajectory(self._message, JointTrajectoryPoint, played.next_chunk())
         self._publisher.publish(self._message)
 
-    def state(self) -> State:
+    def state(self) -> NodeState:
         """Return whether the node waits, plays or brakes, and whether its clock goes."""
         common = super().state()
         does = (f'waiting for {self._waits_for or "its first second"}' if self._played is None
                 else f'{"braking" if self._braking else "playing"} {self._played.motion.name}')
-        if common.level != State.OK:
-            return State(common.level, f'{does}; {common.text}')
-        return State(State.WARN if self._braking else State.OK, does)
+        if common.level != OK:
+            return NodeState(common.level, f'{does}; {common.text}')
+        return NodeState(WARN if self._braking else OK, does)
 
     def traffic(self) -> dict[str, int]:
         """Return how many points have been sent."""

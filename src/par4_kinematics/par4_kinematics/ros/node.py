@@ -27,7 +27,7 @@ from par4_kinematics.limits import limits_not_given
 from par4_kinematics.robot import JOINT_NAMES, Robot
 from par4_kinematics.ros.arrivals import Arrivals
 from par4_kinematics.ros.clock_watch import ClockWatch
-from par4_kinematics.ros.diagnostics import Diagnostics, State
+from par4_kinematics.ros.diagnostics import ERROR, OK, WARN, Diagnostics, NodeState
 from par4_kinematics.ros.parameters import NodeParameters, check_those_of_ros, declare
 from par4_kinematics.ros.qos import message_type, qos_of
 from par4_kinematics.runner import runner_has_ended
@@ -192,17 +192,17 @@ class Par4Node(Node):
             self.create_subscription, topic, **options)
         return subscription
 
-    def _unheard(self) -> State | None:
+    def _unheard(self) -> NodeState | None:
         """Return that a publisher cannot be heard for its quality of service, if there is one."""
         for name, subscription in self._subscribed.items():
             for publisher in self.get_publishers_info_by_topic(subscription.topic_name):
                 answer, reason = qos_check_compatible(
                     publisher.qos_profile, subscription.qos_profile)
                 if answer == QoSCompatibility.ERROR:
-                    return State(State.WARN, f'{name} of {publisher.node_name} is not heard: its '
-                                             f'quality of service is not what this node takes',
-                                 f'{" ".join(reason.split())} Publish it reliable, as the '
-                                 f'contract has it')
+                    return NodeState(WARN, f'{name} of {publisher.node_name} is not heard: its '
+                                           f'quality of service is not what this node takes',
+                                     f'{" ".join(reason.split())} Publish it reliable, as the '
+                                     f'contract has it')
         return None
 
     def _on_topic(self, create: Callable[..., Any], topic: Topic, **options: Any) -> Any:
@@ -268,18 +268,18 @@ class Par4Node(Node):
         """Begin to end, as a signal or ~/stop asks; a node that has more to do sets `finished`."""
         self.finished = True
 
-    def state(self) -> State:
+    def state(self) -> NodeState:
         """Return what the node does now: whether its streams flow and its clock is one."""
         clock = self._clock_watch.state(self.clocks() if self.simulated_time else 0)
         if clock is not None:
             return clock
         mixed = self.mixed_positions()
         if mixed:
-            return State(State.ERROR, mixed)
+            return NodeState(ERROR, mixed)
         for name, input_ in self._arrivals.items():
             if input_.others:
-                return State(State.WARN, f'{name} tell of {input_.others} only; the joints of the '
-                                         f'robot are {", ".join(JOINT_NAMES)}')
+                return NodeState(WARN, f'{name} tell of {input_.others} only; the joints of the '
+                                       f'robot are {", ".join(JOINT_NAMES)}')
         unheard = self._unheard()
         if unheard is not None:
             return unheard
@@ -287,8 +287,8 @@ class Par4Node(Node):
                    if input_.stream and input_.age is None]
         dead = self.dead_inputs()
         if dead:
-            return State(State.WARN, f'dead input: {", ".join(dead)} came, but no more')
-        return State(State.OK, f'waiting for {", ".join(waiting)}' if waiting else 'running')
+            return NodeState(WARN, f'dead input: {", ".join(dead)} came, but no more')
+        return NodeState(OK, f'waiting for {", ".join(waiting)}' if waiting else 'running')
 
     def mixed_positions(self) -> str:
         """Return that the positions of the robot come from two places, '' if they do not."""
@@ -374,7 +374,7 @@ class Par4Node(Node):
         self._diagnostics.log(state)
         self._tell(state, new)
 
-    def _tell(self, state: State, new: dict[str, int]) -> None:
+    def _tell(self, state: NodeState, new: dict[str, int]) -> None:
         """Tell a state and new faults, by name, on the diagnostics."""
         self._diagnostics.publish(self.now_ns(), state, new, self.worrying(new),
                                   {**self.traffic(), **self.measures()})
@@ -389,7 +389,7 @@ class Par4Node(Node):
             self._serve()
         except Par4Error as error:
             # but not on the terminal, where `run` tells it
-            self._tell(State(State.ERROR, f'ended: {one_line(str(error))}'), {})
+            self._tell(NodeState(ERROR, f'ended: {one_line(str(error))}'), {})
             self._diagnostics.wait_until_heard(LAST_WORDS)
             raise
 

@@ -23,7 +23,7 @@ from par4_kinematics.interface import (
 from par4_kinematics.limits import EndSwitches, check_torque
 from par4_kinematics.robot import read_robot
 from par4_kinematics.ros.convert import Trajectory
-from par4_kinematics.ros.diagnostics import State
+from par4_kinematics.ros.diagnostics import ERROR, OK, WARN, NodeState
 from par4_kinematics.ros.node import REPORT_PERIOD, Par4Node
 from par4_kinematics.ros.process import run
 from par4_kinematics.ros.serialised_trajectory import (
@@ -213,37 +213,37 @@ class SimulationNode(Par4Node):
             self._told_unaided = True
             self.get_logger().info(f'no {FEEDFORWARD_TORQUE.name} comes: driven without it')
 
-    def state(self) -> State:
+    def state(self) -> NodeState:
         """Return whether the simulation runs, and why if not."""
         physics = self._physics
         self._pace.measure(physics.now_ns, bool(physics.paused or physics.waiting))
         if physics.fault:
-            return State(State.ERROR, physics.fault)
+            return NodeState(ERROR, physics.fault)
         others = (self.clocks() if self.parameters.publish_clock else 0,
                   self.count_publishers(self.resolve_topic_name(AMPLIFIER_VOLTAGE.name)))
         for topic, count in zip((CLOCK, AMPLIFIER_VOLTAGE), others, strict=True):
             if count > 1:
-                return State(State.ERROR, f'{count} publish {topic.name}: another simulation or '
-                                          f'robot is in this domain; give each a ROS_DOMAIN_ID',
-                             'one that was killed counts for some 20 s more')
+                return NodeState(ERROR, f'{count} publish {topic.name}: another simulation or '
+                                        f'robot is in this domain; give each a ROS_DOMAIN_ID',
+                                 'one that was killed counts for some 20 s more')
         if physics.paused:
-            return State(State.WARN, 'paused')
+            return NodeState(WARN, 'paused')
         if physics.ending:
-            return State(State.WARN, 'ending: waits until the machine rests')
+            return NodeState(WARN, 'ending: waits until the machine rests')
         if physics.waiting:
-            return State(State.WARN, f'waiting for {FEEDFORWARD_TORQUE.name}')
+            return NodeState(WARN, f'waiting for {FEEDFORWARD_TORQUE.name}')
         if physics.unaided:
-            return State(State.WARN, f'running without {FEEDFORWARD_TORQUE.name}: waited '
-                                     f'{self.parameters.feedforward_timeout:g} s in vain')
+            return NodeState(WARN, f'running without {FEEDFORWARD_TORQUE.name}: waited '
+                                   f'{self.parameters.feedforward_timeout:g} s in vain')
         if physics.restarted:
-            return State(State.WARN, RESET)
+            return NodeState(WARN, RESET)
         if physics.starved:
-            return State(State.WARN, f'starved: {REFERENCE.name} ended in motion, braked')
+            return NodeState(WARN, f'starved: {REFERENCE.name} ended in motion, braked')
         if self._pace.complaint:
             asked = self.parameters.real_time_factor
-            return State(State.WARN, f'running, too slow for {asked:g} x real time',
-                         self._pace.complaint)
-        return State(State.OK, 'running')
+            return NodeState(WARN, f'running, too slow for {asked:g} x real time',
+                             self._pace.complaint)
+        return NodeState(OK, 'running')
 
     def measures(self) -> dict[str, str]:
         """Return the measured pace and the ages of the inputs."""
