@@ -62,8 +62,8 @@ from par4_identification.diagnosis.search.search import Search
 from par4_identification.diagnosis.search.swing import Swing
 from par4_identification.diagnosis.search.whitening import quieter, whitener_of
 from par4_identification.diagnosis.split import manageable, split_runs
+from par4_identification.diagnosis.summing_up import summed_up
 from par4_identification.diagnosis.verdict.answer import Diagnosis, Unusable
-from par4_identification.diagnosis.verdict.summing_up import summed_up
 from par4_identification.fitting.identification import SINGULAR
 from par4_identification.logs.log import Log, refuse_logs
 from par4_identification.signals.conditioning import Conditioning
