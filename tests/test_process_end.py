@@ -13,6 +13,7 @@ import pytest
 from par4_kinematics.errors import InputError, UnreachableError
 from par4_kinematics.interface import REFERENCE
 from par4_kinematics.ros import process
+from par4_kinematics.ros.arrivals import Inputs
 from par4_kinematics.ros.node import Par4Node
 
 
@@ -45,7 +46,7 @@ def test_two_threads_count_one_behind_the_other():
             assert lock.locked()
             return super().keys()
 
-    node = mock.Mock(counts=Watched(), _counting=lock, _arrivals={})
+    node = mock.Mock(counts=Watched(), _counting=lock, _arrivals=Inputs())
     node.count = partial(Par4Node.count, node)
     for error in (InputError('one'), InputError('two'), UnreachableError('three')):
         Par4Node.reject(node, REFERENCE, error)

@@ -24,8 +24,9 @@ from par4_kinematics.interface import (
     SHOWN_TOPICS,
     Topic,
 )
+from par4_kinematics.ros.arrivals import SILENCE
 from par4_kinematics.ros.diagnostics import ERROR, OK, NodeState
-from par4_kinematics.ros.node import SILENCE, Par4Node
+from par4_kinematics.ros.node import Par4Node
 from par4_kinematics.ros.numbering import Numbering
 from par4_kinematics.ros.process import run
 from par4_kinematics.stamps import SECOND

@@ -1,4 +1,4 @@
-"""What came on a topic that a node listens to: how much, what is missing, how long ago."""
+"""What came on the topics that a node listens to: how much, what is missing, how long ago."""
 
 from __future__ import annotations
 
@@ -6,11 +6,14 @@ import time
 from collections import deque
 from typing import Any
 
+from par4_kinematics.interface import DIAGNOSTICS
 from par4_kinematics.robot import JOINT_NAMES
 from par4_kinematics.ros.convert import is_foreign, time_ns
 from par4_kinematics.ros.numbering import Numbering
 from par4_kinematics.stamps import SECOND
 
+SILENCE = 0.95
+"""Seconds of wall time after which a stream that flowed, or the clock, counts as dead."""
 FASTEST, STEP = 100.0, 0.05
 """rad/s and rad: what joints turn from one message to the next is less than the first makes of the
 time between, and the second."""
@@ -92,3 +95,52 @@ class Arrivals:
     def age(self) -> float | None:
         """Seconds of wall time since the newest message, None before the first."""
         return None if self._last is None else time.monotonic() - self._last
+
+
+class Inputs(dict[str, Arrivals]):
+    """What came on each of the topics that a node takes, by its name."""
+
+    @property
+    def awaited(self) -> list[str]:
+        """The streams of which nothing has come."""
+        return [name for name, input_ in self.items() if input_.stream and input_.age is None]
+
+    @property
+    def dead(self) -> list[str]:
+        """The streams that flowed and do not any more."""
+        return [name for name, input_ in self.items()
+                if input_.stream and input_.age is not None and input_.age > SILENCE]
+
+    @property
+    def mixed(self) -> str:
+        """That the positions of the robot come from two places, '' if they do not."""
+        return next((f'{name}: the positions jump to and fro, as of two robots or publishers; end '
+                     f'all but one, or give each a namespace'
+                     for name, input_ in self.items() if input_.places.are_two), '')
+
+    @property
+    def foreign(self) -> str:
+        """That JointStates tell of other joints than the robot's, '' if they do not."""
+        return next((f'{name} tell of {input_.others} only; the joints of the robot are '
+                     f'{", ".join(JOINT_NAMES)}'
+                     for name, input_ in self.items() if input_.others), '')
+
+    @property
+    def missed(self) -> int:
+        """How many messages did not come.
+
+        Of the diagnostics of others none counts as missed: all nodes number theirs on one topic, so
+        that those of the second look like a hole in those of the first until its next one comes, a
+        second later; and then what was missed is told again.
+        """
+        return sum(input_.numbering.missing for name, input_ in self.items()
+                   if name != DIAGNOSTICS.name)
+
+    @property
+    def measures(self) -> dict[str, str]:
+        """Of each topic the age of its newest message and how many came, for the diagnostics."""
+        told = {}
+        for name, input_ in self.items():
+            told[f'{name}_age'] = 'none yet' if input_.age is None else f'{input_.age:.2f} s'
+            told[f'{name}_received'] = str(input_.received)
+        return told

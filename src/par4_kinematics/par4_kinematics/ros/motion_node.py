@@ -23,11 +23,13 @@ from par4_kinematics.motion_file import NAMED_MOTIONS, named_motion, refuse_no_m
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import read_robot
 from par4_kinematics.ros import motion_faults
+from par4_kinematics.ros.arrivals import SILENCE
+from par4_kinematics.ros.awaited import waited_for
 from par4_kinematics.ros.convert import is_foreign, joint_values, time_ns, write_trajectory
 from par4_kinematics.ros.diagnostics import OK, WARN, NodeState
 from par4_kinematics.ros.goal_server import ACTION, ARRIVED, GoalServer
 from par4_kinematics.ros.motion_parameters import MotionParameters
-from par4_kinematics.ros.node import SILENCE, Par4Node, waited_for
+from par4_kinematics.ros.node import Par4Node
 from par4_kinematics.ros.played import Played
 from par4_kinematics.ros.process import run
 from par4_kinematics.ros.silence import Silence
@@ -210,7 +212,7 @@ class MotionNode(Par4Node):
                                        throttle_time_source_type=self.wall_clock)
                 return
             try:
-                if mixed := self.mixed_positions():
+                if mixed := self._arrivals.mixed:
                     raise InputError(f'{motion.name} not begun: {mixed}')
                 motion_faults.check_start(
                     motion.name, self._trouble(), self.clocks() if self.simulated_time else 0,

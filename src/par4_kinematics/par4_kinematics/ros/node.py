@@ -11,25 +11,23 @@ from typing import Any, ClassVar
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.exceptions import ParameterException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
-from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
 from rclpy.subscription import Subscription
 from std_srvs.srv import Trigger
 
 from par4_kinematics.errors import InputError, Par4Error, UnreachableError, one_line
-from par4_kinematics.interface import CLOCK, DIAGNOSTICS, JOINT_STATES, REFERENCE, Topic
+from par4_kinematics.interface import CLOCK, DIAGNOSTICS, JOINT_STATES, Topic
 from par4_kinematics.limits import limits_not_given
-from par4_kinematics.robot import JOINT_NAMES, Robot
-from par4_kinematics.ros.arrivals import Arrivals
+from par4_kinematics.robot import Robot
+from par4_kinematics.ros.arrivals import SILENCE, Arrivals, Inputs
+from par4_kinematics.ros.awaited import AWAITED, waited_for
 from par4_kinematics.ros.clock_watch import ClockWatch
 from par4_kinematics.ros.diagnostics import ERROR, OK, WARN, Diagnostics, NodeState
 from par4_kinematics.ros.parameters import NodeParameters, check_those_of_ros, declare
-from par4_kinematics.ros.qos import message_type, qos_of
+from par4_kinematics.ros.qos import message_type, on_topic, unheard
 from par4_kinematics.runner import runner_has_ended
 
 NOT_LOGGED = ('rejected_messages', 'unreachable_poses', 'late_steps', 'missed_messages',
@@ -37,33 +35,10 @@ NOT_LOGGED = ('rejected_messages', 'unreachable_poses', 'late_steps', 'missed_me
 """Faults that are logged when they happen, or that a busy machine has all the time."""
 SIMULATED_TIME = 'use_sim_time'
 """Parameter of every node of ROS: whether it follows a published clock."""
-SILENCE = 0.95
-"""Seconds of wall time after which a stream that flowed, or the clock, counts as dead."""
 LAST_WORDS = 0.5
 """Longest wait, s, until those who hear the diagnostics have the last one of a node that failed."""
 REPORT_PERIOD = 1.0
 """Seconds of wall time between diagnostics, and at the least between warnings of one topic."""
-
-
-AWAITED = 5.0
-"""Seconds of wall time after which a node says what it still waits for."""
-STARTS = {
-    CLOCK.name: 'use_sim_time is for a simulation',
-    JOINT_STATES.name: 'start the driver of the robot, or par4_simulation, with the same '
-                       'ROS_DOMAIN_ID and namespace',
-    REFERENCE.name: 'start par4_motion with the same ROS_DOMAIN_ID and namespace',
-}
-"""Topic -> what to do where nobody publishes it."""
-
-
-def waited_for(topic: Topic, nobody: bool) -> str:
-    """Return the name of a topic that does not come and, if nobody publishes it, what to do."""
-    return topic.name + (f', which nobody publishes: {STARTS[topic.name]}' if nobody else '')
-
-
-def _without_negative_depth(profile: QoSProfile) -> SetParametersResult:
-    """Refuse what rcl would refuse, too, but with lines of its own on the terminal."""
-    return SetParametersResult(successful=profile.depth >= 0)
 
 
 class Par4Node(Node):
@@ -94,7 +69,7 @@ class Par4Node(Node):
         self.finished = False
         self.counts: Counter[str] = Counter()
         self._counting = Lock()
-        self._arrivals: dict[str, Arrivals] = {}
+        self._arrivals = Inputs()
         self._inputs: list[Callable[[], bool]] = []
         self._subscribed: dict[str, Subscription] = {}
         self._alone = False
@@ -138,7 +113,7 @@ class Par4Node(Node):
 
     def publisher_of(self, topic: Topic) -> Publisher:
         """Return a publisher of a topic of the contract."""
-        return self._on_topic(self.create_publisher, topic)
+        return on_topic(self.create_publisher, topic)
 
     def subscribe(self, topic: Topic, callback: Callable[[Any], None], stream: bool = False,
                   raw: bool = False) -> Subscription:
@@ -188,34 +163,9 @@ class Par4Node(Node):
         return self._subscription_to(topic, callback=callback, raw=True)
 
     def _subscription_to(self, topic: Topic, **options: Any) -> Subscription:
-        subscription = self._subscribed[topic.name] = self._on_topic(
+        subscription = self._subscribed[topic.name] = on_topic(
             self.create_subscription, topic, **options)
         return subscription
-
-    def _unheard(self) -> NodeState | None:
-        """Return that a publisher cannot be heard for its quality of service, if there is one."""
-        for name, subscription in self._subscribed.items():
-            for publisher in self.get_publishers_info_by_topic(subscription.topic_name):
-                answer, reason = qos_check_compatible(
-                    publisher.qos_profile, subscription.qos_profile)
-                if answer == QoSCompatibility.ERROR:
-                    return NodeState(WARN, f'{name} of {publisher.node_name} is not heard: its '
-                                           f'quality of service is not what this node takes',
-                                     f'{" ".join(reason.split())} Publish it reliable, as the '
-                                     f'contract has it')
-        return None
-
-    def _on_topic(self, create: Callable[..., Any], topic: Topic, **options: Any) -> Any:
-        try:
-            return create(msg_type=message_type(topic), topic=topic.name, qos_profile=qos_of(topic),
-                          qos_overriding_options=QoSOverridingOptions.with_default_policies(
-                              callback=_without_negative_depth), **options)
-        except (AssertionError, AttributeError, RuntimeError, TypeError, ParameterException,
-                InvalidQosOverridesError):
-            raise InputError(
-                f'qos_overrides of {topic.name}: not understood; depth is a whole number from 0 to '
-                f'2^31 - 1, history keep_last or keep_all, reliability reliable or best_effort'
-            ) from None
 
     def warn_of_limits_not_given(self, robot: Robot) -> None:
         """Warn of limits that the robot's file leaves out; for nodes that hold motions to them."""
@@ -273,33 +223,22 @@ class Par4Node(Node):
         clock = self._clock_watch.state(self.clocks() if self.simulated_time else 0)
         if clock is not None:
             return clock
-        mixed = self.mixed_positions()
-        if mixed:
-            return NodeState(ERROR, mixed)
-        for name, input_ in self._arrivals.items():
-            if input_.others:
-                return NodeState(WARN, f'{name} tell of {input_.others} only; the joints of the '
-                                       f'robot are {", ".join(JOINT_NAMES)}')
-        unheard = self._unheard()
-        if unheard is not None:
-            return unheard
-        waiting = [name for name, input_ in self._arrivals.items()
-                   if input_.stream and input_.age is None]
-        dead = self.dead_inputs()
+        if self._arrivals.mixed:
+            return NodeState(ERROR, self._arrivals.mixed)
+        if self._arrivals.foreign:
+            return NodeState(WARN, self._arrivals.foreign)
+        for name, subscription in self._subscribed.items():
+            reason = unheard(self, name, subscription)
+            if reason is not None:
+                return NodeState(WARN, *reason)
+        waiting, dead = self._arrivals.awaited, self.dead_inputs()
         if dead:
             return NodeState(WARN, f'dead input: {", ".join(dead)} came, but no more')
         return NodeState(OK, f'waiting for {", ".join(waiting)}' if waiting else 'running')
 
-    def mixed_positions(self) -> str:
-        """Return that the positions of the robot come from two places, '' if they do not."""
-        return next((f'{name}: the positions jump to and fro, as of two robots or publishers; end '
-                     f'all but one, or give each a namespace'
-                     for name, input_ in self._arrivals.items() if input_.places.are_two), '')
-
     def dead_inputs(self) -> list[str]:
         """Return the topics of which there was much and is nothing any more, the clock the last."""
-        dead = [name for name, input_ in self._arrivals.items()
-                if input_.stream and input_.age is not None and input_.age > SILENCE]
+        dead = self._arrivals.dead
         if self.simulated_time and self._clock_watch.age > SILENCE:
             dead.append(CLOCK.name)
         return dead
@@ -329,14 +268,8 @@ class Par4Node(Node):
         self.end()
 
     def faults(self) -> dict[str, int]:
-        """Return what the diagnostics tell of things that went wrong, by name.
-
-        Of the diagnostics of others none counts as missed: all nodes number theirs on one topic, so
-        that those of the second look like a hole in those of the first until its next one comes, a
-        second later; and then what was missed is told again.
-        """
-        missed = sum(input_.numbering.missing for name, input_ in self._arrivals.items()
-                     if name != DIAGNOSTICS.name)
+        """Return what the diagnostics tell of things that went wrong, by name."""
+        missed = self._arrivals.missed
         with self._counting:  # a name that comes meanwhile would end the walk through them
             counts = dict(self.counts)
         return {**counts, **({'missed_messages': missed} if missed else {})}
@@ -351,11 +284,7 @@ class Par4Node(Node):
 
     def measures(self) -> dict[str, str]:
         """Return what else the diagnostics tell: of each input its age and how many messages."""
-        told = {}
-        for name, input_ in self._arrivals.items():
-            told[f'{name}_age'] = 'none yet' if input_.age is None else f'{input_.age:.2f} s'
-            told[f'{name}_received'] = str(input_.received)
-        return told
+        return self._arrivals.measures
 
     def traffic(self) -> dict[str, int]:
         """Return what the diagnostics tell beside the faults, by name."""
