@@ -27,6 +27,7 @@ from par4_kinematics.motion import Motion
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.ros import goal_server, motion_node
 from par4_kinematics.ros.convert import write_time
+from par4_kinematics.ros.listeners import Listeners
 from par4_kinematics.ros.motion_node import MotionNode, Played
 from par4_kinematics.ros.silence import Silence
 from par4_kinematics.splined import splined_motion
@@ -411,10 +412,9 @@ def test_a_motion_that_began_while_the_clock_stood_can_be_braked():
 
 
 def test_a_clock_is_told_to_be_missing_once_it_had_time_to_be_found():
-    node = SimpleNamespace(_motion=object(), clocks=lambda: 0, _discovered=np.inf,
-                           _publisher=SimpleNamespace(get_subscription_count=lambda: 0))
+    node = SimpleNamespace(_motion=object(), clocks=lambda: 0, _listeners=Listeners(1, np.inf))
     assert MotionNode._missing(node, 0) == '/clock'
-    node._discovered = 0.0
+    node._listeners.found_at = 0.0
     assert 'nobody publishes' in MotionNode._missing(node, 0)
 
 

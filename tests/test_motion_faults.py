@@ -29,6 +29,7 @@ from par4_kinematics.robot import JOINT_NAMES
 from par4_kinematics.ros import motion_node
 from par4_kinematics.ros.convert import read_trajectory
 from par4_kinematics.ros.diagnostics import OK, WARN, NodeState
+from par4_kinematics.ros.listeners import DISCOVERY, SETTLING, Listeners
 from par4_kinematics.ros.motion_node import MotionNode
 from par4_kinematics.ros.played import Played
 from par4_kinematics.ros.silence import Silence
@@ -65,7 +66,7 @@ class Cell:
         monkeypatch.setattr(node, 'get_clock', lambda: SimpleNamespace(
             now=lambda: SimpleNamespace(nanoseconds=self.now_ns)))
         monkeypatch.setattr(node, 'get_logger', lambda: self.told)
-        monkeypatch.setattr(node, '_discovered', self.wall + motion_node.DISCOVERY)
+        monkeypatch.setattr(node, '_listeners', Listeners(1, self.wall))
         monkeypatch.setattr(node, '_robot_is_there', lambda: True)
         monkeypatch.setattr(node, '_publisher', SimpleNamespace(
             publish=self._take, get_subscription_count=lambda: 1))
@@ -213,7 +214,7 @@ def test_a_silent_robot_is_not_set_in_motion(cell):
 def test_what_is_to_be_done_is_said_where_there_is_no_robot(cell, monkeypatch):
     monkeypatch.setattr(cell.node, '_robot_is_there', lambda: False)
     cell.tells = False
-    cell.run(motion_node.DISCOVERY + 2.0)
+    cell.run(DISCOVERY + 2.0)
     assert cell.node._waits_for == (
         'joint_states, which nobody publishes: start the driver of the robot, or par4_simulation, '
         'with the same ROS_DOMAIN_ID and namespace')
@@ -390,7 +391,7 @@ def test_no_motion_begins_while_another_moves_the_robot(cell, monkeypatch, sende
     monkeypatch.setattr(cell.node, '_senders', lambda: senders)
     if moves:
         cell.led = lambda now_ns: HOME_Q + 0.05 * np.sin(3.0 * now_ns / SECOND)
-    cell.run(motion_node.DISCOVERY + 0.5)
+    cell.run(DISCOVERY + 0.5)
     assert (cell.node._played is not None) == begins
     if not begins:
         assert str(cell.node.failure) == ('away not begun: 2 publish reference and the robot '
@@ -562,3 +563,23 @@ def test_a_robot_that_falls_silent_over_topics_ends_the_node(bench):
     assert 'Traceback' not in said
     bench.drain(sent)
     np.testing.assert_array_equal(read_trajectory(sent[-1]).qd[-1], 0.0)
+
+
+def test_a_motion_waits_until_no_more_listeners_come():
+    """The clock, which goes twice as fast as the wall's, is looked at as long as they are."""
+    listeners = Listeners(2, 0.0)
+    late = DISCOVERY + 1.0
+
+    def missing(count: int, wall: float) -> str:
+        return listeners.missing(count, wall, round(2 * wall * SECOND))
+
+    for wall in (late, late + 0.9):
+        assert missing(1, wall) == 'subscribers of reference, 1 of 2 are there'
+    for count, wall in ((2, late + 1.0), (3, late + 1.4), (3, late + 1.4 + 0.9 * SETTLING)):
+        assert missing(count, wall) == 'subscribers of reference'
+    assert missing(3, late + 1.4 + SETTLING) == ''
+    assert listeners.pace(late + 5.0, round(2 * (late + 5.0) * SECOND)) == pytest.approx(2.0)
+    early = Listeners(1, 0.0)
+    for wall in (0.1 * DISCOVERY, 0.1 * DISCOVERY + 2.0 * SETTLING):
+        assert early.missing(1, wall, SECOND) == 'subscribers of reference'
+    assert early.missing(1, DISCOVERY, SECOND) == ''

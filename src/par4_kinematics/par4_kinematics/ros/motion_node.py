@@ -28,6 +28,7 @@ from par4_kinematics.ros.awaited import waited_for
 from par4_kinematics.ros.convert import is_foreign, joint_values, time_ns, write_trajectory
 from par4_kinematics.ros.diagnostics import OK, WARN, NodeState
 from par4_kinematics.ros.goal_server import ACTION, ARRIVED, GoalServer
+from par4_kinematics.ros.listeners import Listeners
 from par4_kinematics.ros.motion_parameters import MotionParameters
 from par4_kinematics.ros.node import Par4Node
 from par4_kinematics.ros.played import Played
@@ -53,8 +54,6 @@ FAR_NS = 100 * SECOND
 MILLISECOND = SECOND // 1000
 TICK = 0.02
 """Seconds of wall time between looks at the clock."""
-SETTLING = 0.5
-"""Seconds of wall time for which the number of listeners must have stayed the same."""
 BRAKING_LEAD = 0.15
 """Seconds of wall time from now to the first point of the first way to rest."""
 UNSEEN_NS = SECOND // 2
@@ -63,8 +62,6 @@ STANDSTILL = 3.0
 """Seconds of wall time to wait while the clock stands, or for the robot to say where it ended."""
 FEEDBACK = 0.05
 """Seconds of wall time between two feedbacks of a goal."""
-DISCOVERY = 3.5
-"""Seconds of wall time in which listeners are found: a lost packet is repeated after 3 s."""
 
 
 class MotionNode(Par4Node):
@@ -78,7 +75,7 @@ class MotionNode(Par4Node):
         super().__init__()
         asked = self.parameters
         self._publisher = self.publisher_of(REFERENCE)
-        self._discovered = time.monotonic() + DISCOVERY
+        self._listeners = Listeners(asked.listeners, time.monotonic())
         self._robot = read_robot(asked.robot_file)
         self.warn_of_limits_not_given(self._robot)
         self._motion: Motion | None = None
@@ -110,8 +107,6 @@ class MotionNode(Par4Node):
         self._stamp_ns = 0
         self._robot_at: np.ndarray | None = None
         self._waits_for = ''
-        self._listeners = 0
-        self._settling_since, self._settling_since_ns = 0.0, 0
         self._message = JointTrajectory()
         self.subscribe(JOINT_STATES, self._on_joint_state)
         self.subscribe(DIAGNOSTICS, self._on_diagnostics)
@@ -371,28 +366,19 @@ class MotionNode(Par4Node):
     def _missing(self, now_ns: int) -> str:
         if self._motion is None:
             return 'a goal'
-        listeners = self._publisher.get_subscription_count()
+        found = time.monotonic() > self._listeners.found_at
         if now_ns == 0:
-            return waited_for(CLOCK, self.clocks() == 0 and time.monotonic() > self._discovered)
+            return waited_for(CLOCK, self.clocks() == 0 and found)
         if self._robot_at is None:
-            return waited_for(JOINT_STATES, not self._robot_is_there()
-                              and time.monotonic() > self._discovered)
-        wanted = self.parameters.listeners
-        if listeners != self._listeners or listeners < wanted:
-            self._listeners = listeners
-            self._settling_since, self._settling_since_ns = time.monotonic(), now_ns
-        if listeners < wanted or time.monotonic() < max(self._discovered,
-                                                        self._settling_since + SETTLING):
-            found = f', {listeners} of {wanted} are there' if listeners < wanted else ''
-            return f'subscribers of {REFERENCE.name}{found}'
-        return ''
+            return waited_for(JOINT_STATES, not self._robot_is_there() and found)
+        return self._listeners.missing(self._publisher.get_subscription_count(), time.monotonic(),
+                                       now_ns)
 
     def _begin(self, motion: Motion, robot_at: np.ndarray, now_ns: int) -> Played:
         motion = with_approach(motion, self._robot, robot_at)
-        pace = (now_ns - self._settling_since_ns) / (time.monotonic() - self._settling_since)
-        self._pace = pace / SECOND
-        lead_ns = max(LEAD_NS, round(pace * WALL_LEAD))
-        if pace > FAST * SECOND:
+        self._pace = self._listeners.pace(time.monotonic(), now_ns)
+        lead_ns = max(LEAD_NS, round(self._pace * WALL_LEAD * SECOND))
+        if self._pace > FAST:
             self._ahead_ns = FAR_NS
         # a whole millisecond, so that samples of the usual rates fall on the points
         start_ns = (now_ns + lead_ns) // MILLISECOND * MILLISECOND
