@@ -48,9 +48,9 @@ from par4_identification.reports.outcome.causes import phrase_of_cause
 from par4_identification.reports.outcome.diagnosis import diagnosis_json, outcome_of_diagnosis
 from par4_identification.reports.outcome.identification import (
     autocorrelation,
-    memory,
     outcome_of_identification,
     relative_deviations,
+    residual_memory,
 )
 from par4_identification.reports.residual_plots import (
     residual_over_motion,
@@ -401,8 +401,8 @@ def test_every_reservation_says_what_to_do_next(fits):
 
 
 def test_only_a_residual_that_is_not_noise_remembers_itself(fits):
-    assert memory(fits['plain'][1]) < 0.1
-    assert memory(fits['cogging'][1]) > 0.2
+    assert residual_memory(fits['plain'][1]) < 0.1
+    assert residual_memory(fits['cogging'][1]) > 0.2
 
 
 def test_autocorrelation_of_a_decaying_series_decays_and_joins_nothing():

@@ -30,7 +30,7 @@ from par4_kinematics.ros.convert import joint_values, time_ns
 from par4_kinematics.ros.node import Par4Node
 from par4_kinematics.workspace import home_pose
 from par4_sim.cell.cell import CLOCK, COMPOSITIONS, NodePart, Session, ToolPart
-from par4_sim.cell.running_cell import RunningCell, command_of, run_session, running_cell
+from par4_sim.cell.running_cell import RunningCell, command_line_of, run_session, running_cell
 from par4_sim.choices import POSITION_LAWS
 from par4_sim.commands import cell
 from par4_sim.description.robot_tree import tree_joint_positions
@@ -121,16 +121,16 @@ def test_a_namespace_has_a_clock_of_its_own_and_reaches_every_node():
                          ({'namespace': 'robot_a', 'clock': '/time'}, '/time')):
         session = session_of('cell', **given)
         for part in session.nodes:
-            line = ' '.join(command_of(part, session))
+            line = ' '.join(command_line_of(part, session))
             assert f'-r __ns:=/robot_a -r /clock:={clock}' in line
-    assert not any('-r' in command_of(part, session_of('cell')) for part in session.nodes)
+    assert not any('-r' in command_line_of(part, session_of('cell')) for part in session.nodes)
 
 
 @pytest.mark.parametrize('name', ['2026', 'true', '1e3', "Ann's", 'a: b', '[a', '~', 'a #b'])
 def test_texts_reach_a_node_as_texts(name):
     session = session_of('recording', record=name)
     part, = (part for part in session.nodes if part.executable == 'par4_record')
-    _, *arguments = command_of(part, session)
+    _, *arguments = command_line_of(part, session)
     context = rclpy.Context()
     rclpy.init(args=arguments, context=context)
     try:

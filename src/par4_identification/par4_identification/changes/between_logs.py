@@ -22,7 +22,7 @@ from par4_dynamics.model_from_file import build_model, torque_model
 from par4_identification.changes.changes import explained_change, gains_of, rows_beside
 from par4_identification.changes.explanation import CHANCE, Explanation
 from par4_identification.changes.explanation import MOST as MOST_READINGS
-from par4_identification.changes.joint_values import JointValues, fitted_values, left_by
+from par4_identification.changes.joint_values import JointValues, fitted_values, torque_left
 from par4_identification.changes.readings import Parameters, applied
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import Observations, with_nominal
@@ -278,6 +278,6 @@ def _share_mended(rows: Observations, diagnosis: Diagnosis, differences: Sequenc
 def _excess(rows: Observations, found: JointValues, floor: np.ndarray) -> float:
     """Return the mean square of what is left, over that of the floor (J,), beyond one."""
     left = [np.where(run.valid, part / floor, 0.0)
-            for run, part in zip(rows.runs, left_by(rows, found))]
+            for run, part in zip(rows.runs, torque_left(rows, found))]
     count = sum(int(run.valid.sum()) for run in rows.runs)
     return sum(float(np.sum(part ** 2)) for part in left) / max(count, 1) - 1.0

@@ -81,7 +81,8 @@ class Changes:
         return not self.explanation.is_complete
 
 
-def difference(before: JointValues, after: JointValues, swallowed: bool) -> np.ndarray:
+def covariance_of_difference(before: JointValues, after: JointValues, swallowed: bool
+                             ) -> np.ndarray:
     """Return the covariance (J p, J p) of after minus before.
 
     Args:
@@ -100,7 +101,7 @@ def explained_change(before: JointValues, after: JointValues, swallowed: bool
     """Return the parameters before as readings take them, and the explanation of the change."""
     parameters = _as_readings_take(before, after)
     return parameters, explained(readings_of(before.terms, len(before.values)), parameters,
-                                 after.values, difference(before, after, swallowed))
+                                 after.values, covariance_of_difference(before, after, swallowed))
 
 
 def _as_readings_take(before: JointValues, after: JointValues) -> Parameters:

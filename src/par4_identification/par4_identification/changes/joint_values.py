@@ -216,7 +216,7 @@ def _solved(design: np.ndarray, target: np.ndarray, observations: Observations
     return (inverse @ (scaled.T @ target)) / scale, inverse / np.outer(scale, scale)
 
 
-def left_by(observations: Observations, found: JointValues) -> list[np.ndarray]:
+def torque_left(observations: Observations, found: JointValues) -> list[np.ndarray]:
     """Return the measured torque minus that of values and causes, (m, J) of each run, N m."""
     return _residuals(observations, found.values, found.causes)
 

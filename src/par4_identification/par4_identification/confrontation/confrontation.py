@@ -25,7 +25,7 @@ from par4_identification.confrontation.closed_loop import (
 )
 from par4_identification.confrontation.followed import (
     SETTLING,
-    course_of,
+    followed_of,
     stretch_of,
 )
 from par4_identification.diagnosis.diagnosis import CONDITIONING
@@ -182,7 +182,7 @@ def confront(robot: Robot, baseline: ModelFile, extended: ModelFile, log: Log,
     same = baseline.effects == extended.effects and baseline.parameters == extended.parameters
     part = stretch_of(log, robot, None if same else (before, after), within, length, conditioning)
     measured, = runs_of_log(part, robot, conditioning)
-    course = course_of(log.reference, part, measured, robot, after.limit_of_drives(robot))
+    course = followed_of(log.reference, part, measured, robot, after.limit_of_drives(robot))
     path, late, why = course.path, course.late, course.why_not
     # the counts of the encoders are in a measured motion already
     followers = with_ideal_encoders(robot) if why else robot
@@ -211,13 +211,9 @@ def confront(robot: Robot, baseline: ModelFile, extended: ModelFile, log: Log,
              np.hypot(torque_noise([measured]), torque_noise(runs[1:])))
     deviations = motion = None
     if not why:
-        measured_q, old_q, new_q = (q[settled] - wanted[settled]
-                                    for q in (part.q, old[0], new[0]))
-        deviations = measured_q, old_q, new_q
-        counts = robot.drives.encoder_counts
-        # both positions are rounded to counts, each with a variance of step^2 / 12
-        rounding = np.full(LEGS, 2.0 * np.pi / counts / np.sqrt(6.0) if counts else 0.0)
-        motion = Differences(_rms(old_q - measured_q), _rms(new_q - measured_q), rounding)
+        deviations = (part.q[settled] - wanted[settled], old[0][settled] - wanted[settled],
+                      new[0][settled] - wanted[settled])
+        motion = _differences_of_motion(*deviations, robot.drives.encoder_counts)
     followed = None
     if not same:
         with_old, with_new = tracking(robot, after, (before, after), path, part.t, progress)
@@ -250,6 +246,17 @@ def tracking(robot: Robot, machine: Model, feedforward: Sequence[Model], path: R
     return tuple(_rms(closed_loop(robot, machine, replace(
         path, effort=torque_along(robot, model, path)), t, 'exact')[0][settled] - wanted)
         for model in feedforward)
+
+
+def _differences_of_motion(measured: np.ndarray, old: np.ndarray, new: np.ndarray, counts: int
+                           ) -> Differences:
+    """Return by how much two motions differ from the measured one, rad, each (m, J).
+
+    `counts` are those of the encoders a turn, 0 where they are not known. Both positions are
+    rounded to counts, each with a variance of step^2 / 12.
+    """
+    rounding = np.full(LEGS, 2.0 * np.pi / counts / np.sqrt(6.0) if counts else 0.0)
+    return Differences(_rms(old - measured), _rms(new - measured), rounding)
 
 
 def _refuse_stray(deviation: np.ndarray, wanted: np.ndarray) -> None:

@@ -81,7 +81,7 @@ def stretch_of(log: Log, robot: Robot, models: tuple[Model, Model] | None,
                    segments=(slice(0, len(chosen)),), reference=None)
 
 
-def course_of(reference: Reference | None, part: Log, measured: Run, robot: Robot, limit: float
+def followed_of(reference: Reference | None, part: Log, measured: Run, robot: Robot, limit: float
               ) -> Followed:
     """Return what the drives follow: the reference, if they explain the torque by it."""
     if reference is None:

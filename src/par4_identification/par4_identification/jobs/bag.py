@@ -12,7 +12,7 @@ from par4_identification.logs.column_choice import (
     Choice,
     Scales,
     chosen_columns,
-    motion_of,
+    motion_choice,
     named_otherwise,
 )
 from par4_identification.logs.measured_bag import write_measured
@@ -44,7 +44,7 @@ def make_bag(files: tuple[str, ...], columns: str, output: Path, robot: str | No
     machine = None if robot is None else read_machine(robot)
     if 'torque' not in choices and isinstance(machine, Axis) and machine.gain is None:
         raise InputError(f'--columns: {WITHOUT_GAIN.format(machine.name)}')
-    motion = motion_of(choices)
+    motion = motion_choice(choices)
     names = joint_names(machine, joints, len(motion.columns))
     if output.exists():
         raise InputError(f'{output}: exists already; give another path or remove it')

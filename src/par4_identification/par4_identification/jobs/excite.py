@@ -87,7 +87,7 @@ def precision_table(designed: Precision, random: Precision) -> Table:
     for name, std in designed.relative_std.items():
         table.add_row(in_words(name), percent(std), percent(random.relative_std[name]),
                       number(random.std[name] / designed.std[name]))
-    table.add_row('geometric mean', '', '', number(gain(designed, random)))
+    table.add_row('geometric mean', '', '', number(gain_over_random(designed, random)))
     for name, row in (('condition number', 'condition_number'),
                       ('the same, columns of equal length', 'collinearity')):
         values = [getattr(precision, row) for precision in (designed, random)]
@@ -110,7 +110,7 @@ def limits_table(limits: MotionLimits, design: Design, random: dict[str, float])
     return table
 
 
-def gain(designed: Precision, random: Precision) -> float:
+def gain_over_random(designed: Precision, random: Precision) -> float:
     """Return the geometric mean, over the parameters, of the ratio of standard deviations."""
     ratios = [random.std[name] / std for name, std in designed.std.items()]
     return float(np.exp(np.mean(np.log(ratios))))
@@ -127,6 +127,6 @@ def sentence(design: Design, designed: Precision, random: Precision, noise: np.n
     return (f'{design.motion.duration:.1f} s: {phase("slow", design.slow)}, '
             f'{phase("fast", design.fast)}, each the same samples, so that what differs between '
             f'them in a log is noise. With {size} N m of torque noise a sample the standard '
-            f'deviations are expected to be {number(gain(designed, random), 2)} times smaller '
-            f'(geometric mean) than after the quasi-random excitation of the same duration and '
-            f'limits.')
+            f'deviations are expected to be {number(gain_over_random(designed, random), 2)} times '
+            f'smaller (geometric mean) than after the quasi-random excitation of the same duration '
+            f'and limits.')

@@ -96,7 +96,7 @@ def chosen_columns(text: str) -> dict[str, Choice]:
             raise InputError(f'--columns: {quantity} is given twice; part the columns of several '
                              f'joints by commas')
         choices[quantity] = Choice(quantity, _expanded(columns), unit)
-    motion = motion_of(choices)
+    motion = motion_choice(choices)
     if not {'torque', 'voltage'} & set(choices):
         raise _incomplete(choices)
     joints = len(motion.columns)
@@ -119,7 +119,7 @@ def chosen_columns(text: str) -> dict[str, Choice]:
     return choices
 
 
-def motion_of(choices: dict[str, Choice]) -> Choice:
+def motion_choice(choices: dict[str, Choice]) -> Choice:
     """Return what tells the motion: the position or, of a single axis without one, its velocity.
 
     Raises:

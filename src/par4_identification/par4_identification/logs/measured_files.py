@@ -11,7 +11,7 @@ from par4_identification.logs.clips import clips_of
 from par4_identification.logs.column_choice import (
     Choice,
     Scales,
-    motion_of,
+    motion_choice,
     refuse_unused,
     si_factors,
 )
@@ -60,7 +60,7 @@ def measured_of_files(files: Sequence[str | Path], choices: dict[str, Choice],
                          'is none, not both' if part.rate else 'no time: give its column in '
                          '--columns, such as time=1:s, or --rate in Hz')
     refuse_unused(scales, choices)
-    motion = motion_of(choices)
+    motion = motion_choice(choices)
     factors = {quantity: si_factors(choice, scales, len(motion.columns))
                for quantity, choice in choices.items()}
     dates = {name: choice.unit for choice in choices.values() if choice.unit in DATES

@@ -99,12 +99,7 @@ def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = No
     cut = _with_torque(grid, torque, clock)
     ends = np.cumsum([0] + [len(time) for time, _, _ in cut.segments]).tolist()
     samples = ends[-1]
-    if samples < FEWEST_SAMPLES:
-        raise InputError(
-            f'{path}: {samples} usable samples of {position.counts.read} '
-            f'({position.counts.not_finite} not finite, {cut.without_torque} without torque, '
-            f'{cut.short} in segments shorter than {SHORTEST_SEGMENT}), at least {FEWEST_SAMPLES} '
-            'are needed; record a longer bag')
+    _refuse_few(path, samples, position, cut)
     time, q, tau = (columns[0] if len(cut.segments) == 1 else np.concatenate(columns)
                     for columns in zip(*cut.segments, strict=True))
     reference, reference_note = reference_of(bag, joints, clock)
@@ -128,6 +123,20 @@ def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = No
     return Log(str(path), joints, clock.origin, accounts.period, 1e-9 * time, q, tau,
                tuple(slice(start, end) for start, end in pairwise(ends)), reference, accounts,
                integrated=isinstance(machine, Axis) and _integrated(path, states, rows, joints))
+
+
+def _refuse_few(path: str | Path, samples: int, position: Signal, cut: _Cut) -> None:
+    """Refuse a bag of which so few samples are left that no tool can use them.
+
+    Raises:
+        InputError: says where the others went.
+    """
+    if samples < FEWEST_SAMPLES:
+        raise InputError(
+            f'{path}: {samples} usable samples of {position.counts.read} '
+            f'({position.counts.not_finite} not finite, {cut.without_torque} without torque, '
+            f'{cut.short} in segments shorter than {SHORTEST_SEGMENT}), at least {FEWEST_SAMPLES} '
+            'are needed; record a longer bag')
 
 
 def _integrated(path: str | Path, states: JointSamples, rows: StampedRows, joints: Sequence[str]

@@ -24,7 +24,7 @@ from par4_identification.reports.deviation_plots import Bar, deviation_bars
 from par4_identification.reports.names import Names
 from par4_identification.reports.outcome.next_experiment import advice
 from par4_identification.reports.outcome.outcome import over_joints
-from par4_identification.reports.page import joint_cells, names_of, page_of
+from par4_identification.reports.page import joint_cells, page_of, picture_names
 from par4_identification.reports.residual_plots import residual_over_motion
 from par4_identification.reports.run_pictures import joined_time, statistics_of_runs
 from par4_identification.reports.sample_traces import torque_traces, worst_run
@@ -70,7 +70,7 @@ def report_of_diagnosis(diagnosis: Diagnosis | Unusable, outcome: Outcome, machi
         between: how the recordings differed, if they did.
         verdict: with both of these; that of the diagnosis without them.
     """
-    names = names_of(machine)
+    names = picture_names(machine)
     title = f'Diagnosis of {machine.name}: {in_words(verdict or diagnosis.verdict)}'
     content: dict[str, Any] = {
         'causes': [], 'motion': '', 'over_time': '', 'over_speed': '', 'traces': None,

@@ -14,7 +14,7 @@ from par4_identification.logs.log import Log
 from par4_identification.reports.deviation_plots import Bar, deviation_bars
 from par4_identification.reports.outcome.estimator import estimator_in_words
 from par4_identification.reports.outcome.identification import ParameterRow
-from par4_identification.reports.page import names_of, page_of
+from par4_identification.reports.page import page_of, picture_names
 from par4_identification.reports.run_pictures import series_of_runs, statistics_of_runs
 from par4_identification.reports.sample_traces import loaded, torque_traces, worst_run
 from par4_identification.reports.steady_plots import steady_speeds_with, torque_over_speed
@@ -41,7 +41,7 @@ def report_of_identification(identification: Identification, outcome: Outcome,
         provenance: as in the model file.
         masses: log name -> known payload, kg.
     """
-    names, estimate, runs = names_of(machine), identification.estimate, identification.runs
+    names, estimate, runs = picture_names(machine), identification.estimate, identification.runs
     worst, steady = worst_run(runs, estimate.residuals), runs[0].conditioning.steady
     model = loaded(build_model(machine, identification.model_file({})),
                    (masses or {}).get(runs[worst].name, 0.0))

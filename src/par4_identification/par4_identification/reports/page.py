@@ -34,7 +34,8 @@ def page_of(template: str, machine: Robot | Axis, logs: Sequence[Log], outcome: 
     """
     return rendered(
         'par4_identification.reports', template, outcome, title, insights_title, provenance,
-        facts_title, names=names_of(machine), bags=[_bag_cells(log) for log in logs], **content)
+        facts_title, names=picture_names(machine), bags=[_bag_cells(log) for log in logs],
+        **content)
 
 
 def joint_cells(values: np.ndarray, total: float, text: Callable[[float], str]) -> list[str]:
@@ -42,7 +43,7 @@ def joint_cells(values: np.ndarray, total: float, text: Callable[[float], str]) 
     return [text(float(value)) for value in values] + ([text(total)] if len(values) > 1 else [])
 
 
-def names_of(machine: Robot | Axis) -> Names:
+def picture_names(machine: Robot | Axis) -> Names:
     """Return what axes of pictures of a machine are labelled with."""
     return Names(joint_labels(machine), torque_name(machine),
                  typeset(unit_on(machine, 'N m')), typeset(unit_on(machine, 'rad/s')))

@@ -10,7 +10,7 @@ import numpy as np
 from par4_identification.fitting.simplification_cost import ALL, NOTHING, PARTS, Simplification
 from par4_identification.reports.outcome.outcome import over_joints
 from par4_identification.reports.outcome.simplification import share_in_words
-from par4_identification.reports.page import joint_cells, names_of, page_of
+from par4_identification.reports.page import joint_cells, page_of, picture_names
 from par4_identification.reports.time_plots import differences_over_time, torque_of_mechanism
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot
@@ -29,7 +29,7 @@ def report_of_simplification(study: Simplification, outcome: Outcome, robot: Rob
         motion: that was imposed.
         provenance: of the run.
     """
-    names = names_of(robot)
+    names = picture_names(robot)
     differences = {variant: torque - study.simplified for variant, torque in study.torques.items()}
     noise = differences.pop(NOTHING)
     labels = {variant: 'all parts' if variant == ALL else f'{variant} alone'

@@ -13,7 +13,7 @@ from par4_identification.fitting.validation import Validation
 from par4_identification.logs.log import Log
 from par4_identification.reports.outcome.outcome import over_joints
 from par4_identification.reports.outcome.validation import errors_by_joint, total_errors
-from par4_identification.reports.page import joint_cells, names_of, page_of
+from par4_identification.reports.page import joint_cells, page_of, picture_names
 from par4_identification.reports.run_pictures import series_of_runs, statistics_of_runs
 from par4_identification.reports.sample_traces import torque_traces, worst_run
 from par4_identification.reports.steady_plots import steady_speeds_with, torque_over_speed
@@ -38,7 +38,7 @@ def report_of_validation(validation: Validation, outcome: Outcome, runs: Sequenc
         log: the data.
         model_file: the model that was validated.
     """
-    names = names_of(machine)
+    names = picture_names(machine)
     ends = np.cumsum([0, *(len(run.t) for run in runs)])
     residual = validation.measured - validation.calculated
     residuals = [residual[first:end] for first, end in pairwise(ends)]

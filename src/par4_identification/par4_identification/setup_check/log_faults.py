@@ -14,7 +14,7 @@ from par4_identification.setup_check.finding import Finding, SetupCheck
 from par4_identification.setup_check.flat_tops import flat_tops
 from par4_identification.setup_check.held_readings import Held, held_stretches
 from par4_identification.setup_check.mute_torques import mute_torques
-from par4_identification.setup_check.pulses import answered
+from par4_identification.setup_check.pulses import joints_that_answer
 from par4_identification.setup_check.repair import (
     despiked,
     doubted,
@@ -73,7 +73,7 @@ def _despiked(log: Log, machine: Robot | Axis) -> tuple[list[Finding], Log]:
             ('tau', 'torques', unit_on(machine, 'N m'))):
         wrong = spikes(log, column)
         if column == 'tau' and wrong.any():
-            wrong[:, answered(log, wrong, geometry)] = False
+            wrong[:, joints_that_answer(log, wrong, geometry)] = False
         if not wrong.any():
             continue
         joints = tuple(int(joint) for joint in np.flatnonzero(wrong.any(axis=0)))

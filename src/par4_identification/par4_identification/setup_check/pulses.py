@@ -25,7 +25,7 @@ BESIDE = 1.0 / TORQUE_HZ
 """s from a pulse over which the filters spread it."""
 
 
-def answered(log: Log, pulses: np.ndarray, geometry: Geometry | None) -> np.ndarray:
+def joints_that_answer(log: Log, pulses: np.ndarray, geometry: Geometry | None) -> np.ndarray:
     """Return of which joints (J,) the motion answers the pulses of torque.
 
     Args:

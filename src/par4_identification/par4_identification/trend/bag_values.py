@@ -19,7 +19,7 @@ from par4_identification.changes.changes import observed
 from par4_identification.changes.joint_values import (
     JointValues,
     fitted_values,
-    left_by,
+    torque_left,
     whitened,
 )
 from par4_identification.diagnosis.diagnosis import CONDITIONING
@@ -176,7 +176,7 @@ def values_of_bag(bag: str, machine: Robot | Axis, model_file: ModelFile | None 
 def _relative_error(observations: Observations, found: JointValues) -> float:
     """Return |residual| / |torque| of the base parameters of every joint, over all valid rows."""
     left, torque = 0.0, 0.0
-    for run, rest in zip(observations.runs, left_by(observations, found)):
+    for run, rest in zip(observations.runs, torque_left(observations, found)):
         left += float(np.sum(rest[run.valid] ** 2))
         torque += float(np.sum(run.tau[run.valid] ** 2))
     return math.sqrt(left / max(torque, 1e-300))
@@ -235,7 +235,7 @@ def _gaps(loose: Sequence[int], observations: Observations, found: JointValues
     """Return the gaps of joints that are loose, where the motion tells them."""
     if not loose:
         return []
-    told = gaps(observations, left_by(observations, found))
+    told = gaps(observations, torque_left(observations, found))
     return [EffectSize(f'{Backlash.name}.gap[{joint}]', *gap, unit='rad')
             for joint, gap in enumerate(told) if joint in loose and gap is not None]
 

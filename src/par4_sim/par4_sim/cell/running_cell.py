@@ -43,7 +43,7 @@ def executable_path(part: NodePart | ToolPart) -> str:
     return found
 
 
-def command_of(part: NodePart, session: Session) -> list[str]:
+def command_line_of(part: NodePart, session: Session) -> list[str]:
     """Return the command line of a node of a session."""
     line = [executable_path(part), '--ros-args']
     for name, value in part.parameters.items():
@@ -81,7 +81,7 @@ class RunningCell:
         Raises:
             InputError: an executable is missing; then none has been started.
         """
-        lines = [command_of(part, self._session) for part in self._session.nodes]
+        lines = [command_line_of(part, self._session) for part in self._session.nodes]
         with (nullcontext() if self._log is None else self._log.open('ab') as output,
               held_back(*ENDING)):
             for part, line in zip(self._session.nodes, lines, strict=True):

@@ -75,7 +75,7 @@ class Inbox(Generic[TimedRows]):
         return groups
 
 
-def joined(group: list[TimedRows]) -> tuple[np.ndarray, np.ndarray]:
+def as_one(group: list[TimedRows]) -> tuple[np.ndarray, np.ndarray]:
     """Return the times and rows of a group as one."""
     if len(group) == 1:
         return group[0].times, group[0].rows

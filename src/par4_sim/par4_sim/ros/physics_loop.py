@@ -17,7 +17,7 @@ from par4_kinematics.ros.convert import Trajectory
 from par4_kinematics.stamps import SECOND
 from par4_sim.closed_loop.simulation import Sample, Simulation
 from par4_sim.drives.reference_points import ReferencePoints
-from par4_sim.ros.inbox import MOST, Inbox, Torques, joined
+from par4_sim.ros.inbox import MOST, Inbox, Torques, as_one
 from par4_sim.ros.pace import Pace
 
 BACKLOG = 0.5
@@ -247,11 +247,11 @@ class PhysicsLoop:
     def _take_in(self) -> None:
         """Hand what came to the simulation, what goes on in time at once."""
         for group in self._references.take(self._started_ns):
-            if not (len(group) > 1 and self._follows([ReferencePoints(*joined(group))],
+            if not (len(group) > 1 and self._follows([ReferencePoints(*as_one(group))],
                                                      looked_at=False)):
                 self._follows(group)
         for torques in self._efforts.take(self._started_ns):
-            self._simulation.queue_effort(*joined(torques))
+            self._simulation.queue_effort(*as_one(torques))
 
     def _follows(self, references: list[ReferencePoints], looked_at: bool = True) -> bool:
         """Queue reference points and return whether none was refused; tell unless to be retried."""

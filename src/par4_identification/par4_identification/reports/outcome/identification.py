@@ -276,7 +276,7 @@ def floor_remark(rms: float, noise: float, unit: str) -> Remark:
 
 def _memory_remark(identification: Identification) -> Remark:
     estimate = identification.estimate
-    left = memory(identification)
+    left = residual_memory(identification)
     if left <= MEMORY:
         return Remark(True, 'The residual keeps no memory beyond that of the filters, like noise.')
     widening = float(np.max(estimate.std / np.maximum(estimate.textbook_std, 1e-30)))
@@ -315,7 +315,7 @@ def autocorrelation(residuals: Sequence[np.ndarray], valid: Sequence[np.ndarray]
     return products / np.maximum(np.sqrt(earlier * later), 1e-30)
 
 
-def memory(identification: Identification) -> float:
+def residual_memory(identification: Identification) -> float:
     """Return the mean autocorrelation of the residual of the joint where it is highest.
 
     Over lags from twice to eight times the period of the torque's low-pass: behind its memory.
