@@ -33,8 +33,8 @@ from par4_identification.setup_check.drive_answer import DriveAnswer, answer_of
 from par4_identification.setup_check.equations import equations_of, stretches_of
 from par4_identification.setup_check.finding import Amount, Finding, SetupCheck
 from par4_identification.setup_check.held_readings import Held, held_stretches
+from par4_identification.setup_check.mending import filled
 from par4_identification.setup_check.mute_torques import mute_torques
-from par4_identification.setup_check.repair import filled
 from par4_identification.setup_check.scale import UNSEEN
 from par4_identification.setup_check.spikes import spikes
 from par4_identification.setup_check.total import total_lines, totals

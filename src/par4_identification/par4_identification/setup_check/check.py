@@ -22,9 +22,9 @@ from par4_identification.setup_check.equations import (
 )
 from par4_identification.setup_check.finding import SetupCheck
 from par4_identification.setup_check.log_faults import without_log_faults
+from par4_identification.setup_check.mending import slowed
 from par4_identification.setup_check.motion import moving, passing_singular_poses
 from par4_identification.setup_check.pace import pace_finding, pace_of
-from par4_identification.setup_check.repair import slowed
 from par4_identification.setup_check.scale import scale_findings
 from par4_identification.setup_check.timing import (
     on_time,

@@ -13,9 +13,7 @@ from par4_identification.logs.log import Log
 from par4_identification.setup_check.finding import Finding, SetupCheck
 from par4_identification.setup_check.flat_tops import flat_tops
 from par4_identification.setup_check.held_readings import Held, held_stretches
-from par4_identification.setup_check.mute_torques import mute_torques
-from par4_identification.setup_check.pulses import joints_that_answer
-from par4_identification.setup_check.repair import (
+from par4_identification.setup_check.mending import (
     despiked,
     doubted,
     filled,
@@ -23,6 +21,8 @@ from par4_identification.setup_check.repair import (
     unslipped,
     without,
 )
+from par4_identification.setup_check.mute_torques import mute_torques
+from par4_identification.setup_check.pulses import joints_that_answer
 from par4_identification.setup_check.spikes import slips, spikes
 from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot

@@ -9,7 +9,7 @@ from par4_identification.logs.masks import stretches
 from par4_identification.setup_check.equations import SLOW, slow_of_axis, stretches_of
 from par4_identification.setup_check.finding import Finding, SetupCheck
 from par4_identification.setup_check.log_faults import joints_in_words
-from par4_identification.setup_check.repair import sound_time, without
+from par4_identification.setup_check.mending import sound_time, without
 from par4_kinematics.position import closes, forward_kinematics
 from par4_kinematics.robot import Robot
 from par4_kinematics.velocity import condition_number

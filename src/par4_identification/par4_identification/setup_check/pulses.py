@@ -16,7 +16,7 @@ from par4_identification.setup_check.equations import (
     equations_or_none,
     stretches_of,
 )
-from par4_identification.setup_check.repair import despiked
+from par4_identification.setup_check.mending import despiked
 from par4_kinematics.geometry import Geometry
 
 LEFT = 0.5

@@ -11,7 +11,7 @@ import numpy as np
 from par4_identification.logs.log import Log
 from par4_identification.logs.stamps import SHORTEST_PERIOD
 from par4_identification.setup_check.finding import Finding, SetupCheck
-from par4_identification.setup_check.repair import slowed
+from par4_identification.setup_check.mending import slowed
 from par4_kinematics.position import closes
 from par4_kinematics.robot import Robot
 from par4_sim.report.words import number
