@@ -27,7 +27,7 @@ from changed import (
 from par4_dynamics.base_terms import BASE_TERMS, FRICTION
 from par4_dynamics.model_from_file import build_model
 from par4_identification.changes import swallowed
-from par4_identification.changes.changes import explained_change
+from par4_identification.changes.changes import Changes, explained_change
 from par4_identification.changes.explanation import CHANCE, Read, explained
 from par4_identification.changes.joint_values import (
     JointValues,
@@ -48,6 +48,7 @@ from par4_identification.diagnosis.diagnosis import CONDITIONING
 from par4_identification.diagnosis.evidence.observations import observe
 from par4_identification.fitting.identification import identify
 from par4_identification.logs.log import Log
+from par4_identification.reports import changes_report
 from par4_identification.reports.outcome.changes import (
     label_in_words,
     name_of_reading,
@@ -251,19 +252,43 @@ def test_a_motion_that_tells_no_halves_apart_names_both():
     assert {Added(None, 'platform_mass_1'), Added(None, 'platform_mass_2')} <= halves
 
 
-def test_a_cause_that_the_model_may_have_swallowed_is_no_change():
-    # a cause found beside moves the base parameters by `bias`; the model was fitted without it
+@pytest.fixture
+def cause_beside() -> tuple[JointValues, JointValues]:
+    """Return values before, and after: a cause found beside moves these by `bias`.
+
+    The model before was fitted without that cause.
+    """
     values = np.tile([0.11, 0.8, 0.86, 1.33, 2.4, 2.0], (4, 1))
     covariance = np.diag(np.tile((1e-3 * values[0]) ** 2, 4))
     moved = np.zeros((4, 6))
     moved[:, 0] = -0.03 * values[:, 0]
     none = np.zeros((0, 24))
-    before = JointValues(BASE_TERMS, values, covariance, np.zeros((4, 6)), none, none)
-    after = JointValues(BASE_TERMS, values + moved, covariance, np.zeros((4, 6)),
-                        moved.reshape(1, 24), none)
+    return (JointValues(BASE_TERMS, values, covariance, np.zeros((4, 6)), none, none),
+            JointValues(BASE_TERMS, values + moved, covariance, np.zeros((4, 6)),
+                        moved.reshape(1, 24), none))
+
+
+def test_a_cause_that_the_model_may_have_swallowed_is_no_change(cause_beside):
+    before, after = cause_beside
     assert explained_change(before, after, swallowed=True)[1].read == ()
     seen = explained_change(before, after, swallowed=False)[1].read
     assert [item.reading for item in seen] == [Added(None, 'actuator_inertia')]
+
+
+def test_the_picture_of_changes_has_the_intervals_by_which_they_are_judged(
+        cause_beside, monkeypatch):
+    monkeypatch.setattr(changes_report, 'deviation_bars', lambda bars, *_: bars)
+    before, after = cause_beside
+    for is_swallowed, share in ((True, np.hypot(0.03, np.sqrt(2.0) * 1e-3)),
+                                (False, np.sqrt(2.0) * 1e-3)):
+        parameters, explanation = explained_change(before, after, is_swallowed)
+        changes = Changes(BASE_TERMS, before, after, explanation, (), parameters, np.ones(4),
+                          'table1', is_swallowed)
+        inertias = [bar for bar in changes_report._bars(changes)
+                    if bar.label.startswith('actuator inertia')]
+        np.testing.assert_allclose([bar.values for bar in inertias], -0.03)
+        np.testing.assert_allclose([bar.stds for bar in inertias], share)
+        assert len(inertias) == 4
 
 
 @pytest.mark.parametrize(('reading', 'size', 'words'), [

@@ -56,6 +56,7 @@ class Changes:
         parameters: those before, in the form that readings use.
         given_rms: rms that the model leaves on held-out rows with nothing fitted, (J,), N m.
         since: the model or the bags that the data are compared with, in words.
+        swallowed: whether the parameters before may hold what the causes of those after add.
         of_these: whether the model was identified from recordings that are fitted, since when
             nothing can have changed.
     """
@@ -68,7 +69,14 @@ class Changes:
     parameters: Parameters
     given_rms: np.ndarray
     since: str
+    swallowed: bool
     of_these: bool = False
+
+    @property
+    def std(self) -> np.ndarray:
+        """Standard deviations of after minus before, by which readings are judged, (J, p)."""
+        return np.sqrt(np.diag(covariance_of_difference(
+            self.before, self.after, self.swallowed))).reshape(self.after.values.shape)
 
     @property
     def read(self) -> tuple[Read, ...]:
@@ -133,7 +141,7 @@ def changes_since_model(diagnosis: Diagnosis, machine: Robot | Axis, model_file:
     if of_these:
         return Changes(before.terms, before, after, nothing_changed(after.values.size), (),
                        _as_readings_take(before, after),
-                       given_rms(diagnosis.holdout.runs, model), name, of_these)
+                       given_rms(diagnosis.holdout.runs, model), name, True, of_these)
     heldout = rows_beside(diagnosis, diagnosis.holdout.runs, machine, model)
     shared = not any(isinstance(parameter.value, tuple)
                      for parameter in model_file.parameters.values())
@@ -207,7 +215,7 @@ def _changes(diagnosis: Diagnosis, machine: Robot | Axis, model: Model, before: 
     heldout = rows_beside(diagnosis, diagnosis.holdout.runs, machine, model)
     margins = _margins(explanation.read, parameters, after, heldout, diagnosis)
     return Changes(before.terms, before, after, explanation, margins, parameters,
-                   given_rms(diagnosis.holdout.runs, model), since)
+                   given_rms(diagnosis.holdout.runs, model), since, swallowed)
 
 
 def rows_beside(diagnosis: Diagnosis, runs: Sequence[Run], machine: Robot | Axis,

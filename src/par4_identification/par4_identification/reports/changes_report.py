@@ -60,8 +60,7 @@ def _chance(p_value: float) -> str:
 
 def _bars(changes: Changes) -> str:
     """Return the change of each parameter, joint by joint, in percent of what it was."""
-    before, after = changes.before, changes.after
-    std = (before.std ** 2 + after.std ** 2) ** 0.5
+    before, after, std = changes.before, changes.after, changes.std
     bars = []
     for index, term in enumerate(changes.terms):
         for joint, old in enumerate(before.values[:, index]):
