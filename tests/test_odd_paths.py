@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
 from test_commands import run
 
-from par4_identification.commands import diagnose, identify, trend, validate
+from par4_identification.commands import diagnose, identify, repair, trend, validate
 from par4_identification.excitation.path_optimisation import criterion
 from par4_identification.jobs.identify import payload_masses
+from par4_identification.jobs.repair import beside
 from par4_kinematics.adept import adept_motion
 from par4_kinematics.errors import InputError
 from par4_kinematics.files import write_text
@@ -84,3 +86,25 @@ def test_what_tiny_limits_give_is_told_in_a_few_digits():
     with pytest.raises(InputError) as refused:
         adept_motion(REFERENCE, jerk=1e-300)
     assert 'these limits give 4.274e+100 s (corners fully blended) to' in str(refused.value)
+
+
+@pytest.mark.parametrize(('bag', 'mended'), [
+    ('run_0.5', 'run_0.5_repaired'), ('run_0.5/', 'run_0.5_repaired'),
+    ('run_0.5/part.mcap', 'run_0.5/part_repaired'), ('.', '../here_repaired'),
+    ('run_0.5/..', '../here_repaired'), ('..', '../../{}_repaired'), ('/', '/_repaired')])
+def test_a_bag_is_mended_beside_itself(tmp_path, monkeypatch, bag, mended):
+    """Also one whose name has a dot, or in whose folder the command is called."""
+    here = tmp_path / 'here'
+    (here / 'run_0.5').mkdir(parents=True)
+    (here / 'run_0.5' / 'part.mcap').touch()
+    monkeypatch.chdir(here)
+    assert beside(Path(bag)).resolve() == Path(mended.format(tmp_path.name)).resolve()
+
+
+def test_the_bag_in_which_one_stands_is_mended_without_a_traceback(tmp_path, monkeypatch):
+    (tmp_path / 'bag').mkdir()
+    monkeypatch.chdir(tmp_path / 'bag')
+    done = run(repair, '--repair', '.')
+    assert done.code == 2
+    assert done.err.startswith('error: .: ')
+    assert done.err.count('\n') == 1
