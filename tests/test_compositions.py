@@ -6,6 +6,8 @@ import dataclasses
 import json
 import os
 import runpy
+import select
+import shutil
 import signal
 import subprocess
 import sys
@@ -310,6 +312,30 @@ def test_a_node_of_ros_is_started_with_the_description_and_heeds_signals(of_ros,
         node.destroy_node()
     finally:
         context.try_shutdown()
+
+
+@pytest.mark.skipif(shutil.which('setpriv') is None, reason='setpriv of util-linux is missing')
+def test_a_node_of_ros_ends_with_a_cell_that_is_killed(of_ros, bench):
+    code = """
+import dataclasses, signal, sys
+from pathlib import Path
+from par4_sim.cell.cell import COMPOSITIONS
+from par4_sim.cell.running_cell import running_cell
+session = COMPOSITIONS['simulation'].session({'tf': 'true'})
+part, _ = session.nodes
+with running_cell(dataclasses.replace(session, nodes=(part,)), Path(sys.argv[1])) as cell:
+    print(cell.processes[0][1].pid, flush=True)
+    signal.pause()
+"""
+    with subprocess.Popen([sys.executable, '-c', code, str(bench.folder / 'nodes.log')],
+                          stdout=subprocess.PIPE, text=True) as killed:
+        end = os.pidfd_open(int(killed.stdout.readline()))
+        try:
+            bench.wait(of_ros.exists, 'its start')
+            killed.kill()
+            bench.wait(lambda: select.select([end], (), (), 0.0)[0], 'its end')
+        finally:
+            os.close(end)
 
 
 def ends(node, code: int) -> list:

@@ -1,6 +1,7 @@
 """Runs a session of `cell.py` without `ros2 launch`: all parts start, and all parts end.
 
-Where this process is killed, the nodes notice (`par4_kinematics/runner.py`) and end by themselves.
+Where this process is killed, the nodes notice (`par4_kinematics/runner.py`) and end by themselves;
+the kernel ends those of ROS.
 """
 
 from __future__ import annotations
@@ -22,6 +23,9 @@ from par4_sim.cell.cell import NodePart, Session, ToolPart, Value
 
 PATIENCE = 20.0
 """Seconds within which a part must end before it is killed."""
+END_WITH_US = ('setpriv', '--pdeathsig', 'INT', '--')
+"""Before a command line: a program of util-linux by which the kernel ends what follows once the
+thread that started it has ended."""
 ENDING = (signal.SIGINT, signal.SIGTERM)
 """Signals that are held back while parts start, so that no part is left running unnoticed."""
 
@@ -45,7 +49,8 @@ def executable_path(part: NodePart | ToolPart) -> str:
 
 def command_line_of(part: NodePart, session: Session) -> list[str]:
     """Return the command line of a node of a session."""
-    line = [executable_path(part), '--ros-args']
+    bound = END_WITH_US if part.of_ros and shutil.which(END_WITH_US[0]) else ()
+    line = [*bound, executable_path(part), '--ros-args']
     for name, value in part.parameters.items():
         if value != '':  # the node has a default
             line += ['-p', f'{name}:={_written(value)}']
