@@ -17,7 +17,7 @@ from par4_kinematics.adept import adept_motion
 from par4_kinematics.errors import InputError
 from par4_kinematics.files import write_text
 from par4_sim.cell.cell import COMPOSITIONS
-from par4_sim.commands import simulate, track
+from par4_sim.commands import push, simulate, track
 from robots import REFERENCE
 
 NOWHERE = 'too many levels of symbolic links'
@@ -108,3 +108,11 @@ def test_the_bag_in_which_one_stands_is_mended_without_a_traceback(tmp_path, mon
     assert done.code == 2
     assert done.err.startswith('error: .: ')
     assert done.err.count('\n') == 1
+
+
+def test_pushes_are_not_written_into_the_folder_in_which_one_stands(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = run(push, '--robot', 'reference', '--output', '.')
+    assert done.code == 2
+    assert done.err == 'error: .: exists already; give another path or remove it\n'
+    assert not list(tmp_path.iterdir())

@@ -15,7 +15,7 @@ def pushed(robot: str, model: str, output: Path, force: float, fidelity: str, se
            torque_noise: float, force_noise: float, progress: Callable[[float], object]) -> str:
     """Simulate slow pushes into a bag and a CSV; return what was done, in lines."""
     machine = read_robot(robot)
-    readings = output.with_name(f'{output.name}.csv')
+    readings = output.parent / f'{output.name}.csv'  # of '.', too, which is refused further on
     simulate_push(machine, read_true_model(model, machine), output, readings, force, fidelity,
                   seed, torque_noise, force_noise, progress=progress)
     return '\n'.join((
