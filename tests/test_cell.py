@@ -299,9 +299,11 @@ class WallClock(Clock):
         return Time(nanoseconds=round(self.seconds * SECOND))
 
 
-def test_a_bag_of_more_than_one_run_is_told_once(tmp_path):
+@pytest.mark.parametrize('slash', ['', '/'])
+def test_a_bag_of_more_than_one_run_is_told_once(tmp_path, slash):
+    """The second bag stands beside the first, not in it, however the path of that ends."""
     node = SimpleNamespace(
-        parameters=SimpleNamespace(output=str(tmp_path / 'bag'), storage='mcap'), _bag=None,
+        parameters=SimpleNamespace(output=f'{tmp_path}/bag{slash}', storage='mcap'), _bag=None,
         _begun_bags=0, _path=tmp_path / 'bag', _received=Counter(), _numbering={}, _newest={},
         _latched={}, get_logger=lambda: log,
         get_clock=lambda: SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=SECOND)))
@@ -314,7 +316,7 @@ def test_a_bag_of_more_than_one_run_is_told_once(tmp_path):
         assert log.warning.call_count == bags
         node._bag.close()
         node._bag = None
-    assert 'bag_2 holds more than one run' in log.warning.call_args.args[0]
+    assert f'{tmp_path}/bag_2 holds more than one run' in log.warning.call_args.args[0]
 
 
 def test_a_restart_of_the_simulation_is_noticed_by_all_and_two_are_told_by_both(bench):

@@ -101,8 +101,9 @@ class RecordNode(Par4Node):
         if self._bag is not None:
             return f'recording {self._path} already'
         if self._begun_bags > 0:
+            first = Path(self.parameters.output)  # which drops a slash at the end
             self._path = next(path for number in itertools.count(self._begun_bags + 1) if not (
-                path := Path(f'{self.parameters.output}_{number}')).exists())
+                path := first.with_name(f'{first.name}_{number}')).exists())
         bag = BagWriter(self._path, self.parameters.storage)
         self._received.clear()
         self._numbering.clear()
