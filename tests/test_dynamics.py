@@ -119,6 +119,17 @@ def test_equation_20_is_the_base_torque(robot, model):
     np.testing.assert_allclose(model.base_torque(state), expected, atol=1e-10)
 
 
+@pytest.mark.parametrize(('robot', 'model'), MACHINES, ids=IDS)
+def test_a_payload_takes_the_torque_that_moves_and_holds_the_tool(robot, model):
+    """As much power as its kinetic and potential energy take up: J^T of force at D."""
+    state, mass = moving_state(robot), 0.7
+    added = model.with_payload(mass).torque(state) - model.torque(state)
+    force = mass * (state.xdd[:, :3] + (0.0, 0.0, GRAVITY))
+    np.testing.assert_allclose(np.sum(added * state.qd, axis=1),
+                               np.sum(force * state.xd[:, :3], axis=1), atol=1e-9)
+    assert model.with_payload(0.0) is model
+
+
 @pytest.mark.parametrize(('robot', 'model'), MACHINES[1:], ids=IDS[1:])
 def test_full_mechanism_is_the_sum_of_its_bodies(robot, model):
     robot = robot.model_copy(update={'bodies': robot.bodies.model_copy(

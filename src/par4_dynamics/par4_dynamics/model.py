@@ -235,6 +235,13 @@ class Model:
             self.bodies.rod_mass if full else 0.0, self.bodies.bar_mass if full else 0.0,
             self.bodies.theta_inertia if full else 0.0)
 
+    def with_payload(self, mass: float) -> Model:
+        """Return the model of the same machine, a Par4, with a known mass, kg, at the tool."""
+        if not mass:
+            return self
+        at_tool = self.values[PLATFORM_MASSES[0]] + mass
+        return replace(self, values={**self.values, PLATFORM_MASSES[0]: at_tool})
+
     def without_effects(self) -> Model:
         """Return the same model with no effects."""
         return replace(self, effects=())

@@ -314,11 +314,9 @@ def _with_instruments(start: Identification, targets: Sequence[np.ndarray],
         model = build_model(machine, identification.model_file({}, machine))
         simulated = []
         for log in logs:
-            loaded = {**model.values}
-            if payloads.get(log.name):
-                loaded['platform_mass_1'] = model.values['platform_mass_1'] + payloads[log.name]
             simulated += runs_of_log(in_pieces(simulated_log(
-                log, machine, replace(model, values=loaded))), machine, conditioning)
+                log, machine, model.with_payload(payloads.get(log.name, 0.0)))), machine,
+                conditioning)
         runs = tuple(replace(run, valid=run.valid & other.valid)
                      for run, other in zip(start.runs, simulated, strict=True))
         columns = start.fitting.problem(

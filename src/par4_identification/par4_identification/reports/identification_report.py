@@ -16,7 +16,7 @@ from par4_identification.reports.outcome.estimator import estimator_in_words
 from par4_identification.reports.outcome.identification import ParameterRow
 from par4_identification.reports.page import page_of, picture_names
 from par4_identification.reports.run_pictures import series_of_runs, statistics_of_runs
-from par4_identification.reports.sample_traces import loaded, torque_traces, worst_run
+from par4_identification.reports.sample_traces import torque_traces, worst_run
 from par4_identification.reports.steady_plots import steady_speeds_with, torque_over_speed
 from par4_identification.reports.time_plots import torque_over_time
 from par4_kinematics.robot import Axis, Robot
@@ -43,8 +43,8 @@ def report_of_identification(identification: Identification, outcome: Outcome,
     """
     names, estimate, runs = picture_names(machine), identification.estimate, identification.runs
     worst, steady = worst_run(runs, estimate.residuals), runs[0].conditioning.steady
-    model = loaded(build_model(machine, identification.model_file({})),
-                   (masses or {}).get(runs[worst].name, 0.0))
+    model = build_model(machine, identification.model_file({})).with_payload(
+        (masses or {}).get(runs[worst].name, 0.0))
     paper, truth = (any(getattr(row, name) is not None for row in rows)
                     for name in ('paper', 'true'))
     printed = list(dict.fromkeys(f'{number(row.printed)} {typeset(row.unit)}'

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -42,14 +41,6 @@ def torque_traces(run: Run, logs: Sequence[Log], model: Model, residual: np.ndar
         shown.t, [Trace('measured', MEASURED, measured),
                   Trace('calculated', CALCULATED, model.torque(shown))],
         names.joints, f'{names.torque}, {names.torque_unit}')
-
-
-def loaded(model: Model, mass: float) -> Model:
-    """Return the model of the machine with a known mass, kg, at the tool."""
-    if not mass:
-        return model
-    half = model.values['platform_mass_1'] + mass
-    return replace(model, values={**model.values, 'platform_mass_1': half})
 
 
 def worst_run(runs: Sequence[Run], residuals: Sequence[np.ndarray]) -> int:
