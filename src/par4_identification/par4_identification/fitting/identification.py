@@ -12,12 +12,14 @@ import numpy as np
 from par4_dynamics.base_terms import (
     BASE_TERMS,
     INERTIA,
+    OFFSET,
     PLATFORM_MASSES,
     BaseTerm,
     base_columns,
     base_terms,
     distributed_torque,
 )
+from par4_dynamics.effects.torque_offset import TorqueOffset
 from par4_dynamics.model import Model
 from par4_dynamics.model_file import EffectEntry, ModelFile, RigidBody
 from par4_dynamics.model_from_file import build_model
@@ -57,8 +59,6 @@ OTHER_JOINTS = ('whether other joints moved at the same time, whose weight and i
 PLAIN: Mapping[str, Callable[[Problem], Estimate]] = {
     'weighted': weighted, 'ordinary': ordinary, 'robust': robust}
 """Estimators that need nothing but the rows."""
-OFFSET = 'torque_offset'
-"""Name of the offsets among the values, and of the effect that a model file says them by."""
 MOST_SIMULATIONS = 4
 SETTLED = 0.05
 """Change of the values, in standard deviations, at which simulating again changes nothing."""
@@ -83,7 +83,7 @@ class Fitting:
         problem = problem_of(series, [term.name for term in terms], [term.unit for term in terms])
         if self.per_joint:
             problem = per_output(problem, {term.name for term in terms} - set(PLATFORM_MASSES))
-        return with_offsets(problem, OFFSET, 'N m') if self.offsets else problem
+        return with_offsets(problem, OFFSET.name, OFFSET.unit) if self.offsets else problem
 
     def shared_condition(self, series: Sequence[Series]) -> float | None:
         """Return the condition number of base columns (m, J, p) if more than these is estimated."""
@@ -134,7 +134,7 @@ class Identification:
     @property
     def offsets(self) -> Parameter | None:
         """The constant torque of each joint, if it was estimated."""
-        return self._parameter(OFFSET, 'N m') if self.fitting.offsets else None
+        return self._parameter(OFFSET.name, OFFSET.unit) if self.fitting.offsets else None
 
     def _parameter(self, name: str, unit: str) -> Parameter:
         found = [(float(value), float(std), label.output) for label, value, std in
@@ -172,7 +172,7 @@ class Identification:
             parameters[term.name] = parameters[term.name].model_copy(
                 update={'value': kept[0] if shared else tuple(kept)})
         offsets = () if self.offsets is None else (
-            EffectEntry(effect=OFFSET, parameters={'offset': self.offsets}),)
+            EffectEntry(effect=TorqueOffset.name, parameters={'offset': self.offsets}),)
         return ModelFile(schema='par4/model/1', rigid_body=self.rigid_body, parameters=parameters,
                          effects=(*self.causes, *offsets), provenance=provenance)
 

@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from par4_dynamics.base_terms import HANGING_TERMS, INERTIA, values_of_bodies
+from par4_dynamics.base_terms import HANGING_TERMS, INERTIA, OFFSET, values_of_bodies
+from par4_dynamics.effects.torque_offset import TorqueOffset
 from par4_dynamics.model import Model
 from par4_dynamics.model_file import read_model_file
 from par4_dynamics.parameters import Parameter
 from par4_identification.estimators.instrumental import InstrumentalEstimate
-from par4_identification.fitting.identification import OFFSET, Identification
+from par4_identification.fitting.identification import Identification
 from par4_identification.fitting.lumping_bias import Lumping, lumping_of
 from par4_identification.fitting.validation import LARGEST_ERROR
 from par4_identification.logs.log import Log
@@ -124,9 +125,10 @@ def table_of_parameters(identification: Identification, machine: Robot | Axis,
 def _true_values(truth: Model, name: str) -> np.ndarray:
     """Return what a simulated machine truly has of a parameter, (J,); 0 if its model lacks it."""
     nothing = np.zeros_like(truth.values['coulomb_friction'])
-    if name != OFFSET:  # the load of gravity on an axis may be left out of a model
+    if name != OFFSET.name:  # the load of gravity on an axis may be left out of a model
         return truth.values.get(name, nothing)
-    offsets = [active.values['offset'] for active in truth.effects if active.effect.name == OFFSET]
+    offsets = [active.values['offset'] for active in truth.effects
+               if active.effect.name == TorqueOffset.name]
     return np.sum(offsets, axis=0) if offsets else nothing
 
 
@@ -345,7 +347,7 @@ def identification_json(identification: Identification, machine: Robot | Axis,
             **estimator_json(identification), 'in_words': estimator_in_words(identification),
             'textbook_std': {str(label): std for label, std in
                              zip(estimate.labels, estimate.textbook_std, strict=True)}},
-        'offsets': {} if offsets is None else {OFFSET: {
+        'offsets': {} if offsets is None else {OFFSET.name: {
             'value': offsets.value, 'std': offsets.std, 'unit': unit_on(machine, offsets.unit)}},
         'causes': [entry.effect for entry in identification.causes]})
 
