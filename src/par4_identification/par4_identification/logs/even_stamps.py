@@ -14,6 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from par4_identification.logs.neighbours import off_the_line
 from par4_identification.logs.stamps import EVEN, by_line, in_a_row, numbered, spacing_counts
 from par4_identification.logs.topic_signal import FILLED, Signal
 
@@ -48,7 +49,7 @@ def evened(position: Signal, torque: Signal) -> tuple[Signal, Signal, float]:
     if np.count_nonzero(beside) < FEWEST:
         return position, torque, 0.0
     way = position.values - position.values[:1]  # exactly zero at rest
-    at_stamps = _off_the_line(stamp, way)[beside]
+    at_stamps = off_the_line(stamp, way)[beside] ** 2
     most = np.quantile(at_stamps, CLIPPED, axis=0)
     best, roughness = stamp, np.sum(np.minimum(at_stamps, most))
     for numbers_of in (by_line, in_a_row):
@@ -57,7 +58,7 @@ def evened(position: Signal, torque: Signal) -> tuple[Signal, Signal, float]:
         if line.off <= EVEN * line.period or np.diff(even).min() <= 0.0 or (
                 _drift(stamp - even, parts) > DRIFTS * line.period):
             continue
-        at_even = np.sum(np.minimum(_off_the_line(even, way)[beside], most))
+        at_even = np.sum(np.minimum(off_the_line(even, way)[beside] ** 2, most))
         if at_even < SMOOTHER * roughness:
             best, roughness = even, at_even
     if best is stamp:
@@ -82,9 +83,3 @@ def _at(signal: Signal, stamp: np.ndarray) -> Signal:
     """Return a signal at other stamps; what is missing between these is counted anew."""
     return replace(signal, stamp=stamp, counts=replace(
         signal.counts, **vars(spacing_counts(stamp))))
-
-
-def _off_the_line(time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return squares (n - 2, J) of how far values are off the line between their neighbours."""
-    share = ((time[1:-1] - time[:-2]) / (time[2:] - time[:-2]))[:, None]
-    return np.asarray((values[1:-1] - (1.0 - share) * values[:-2] - share * values[2:]) ** 2)

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from par4_identification.logs.neighbours import off_the_line
 from par4_identification.logs.stamps import GAP
 from par4_identification.logs.topic_signal import Signal
 
@@ -41,9 +42,7 @@ def without_interpolated(position: Signal, torque: Signal) -> tuple[Signal, Sign
 
 def _on_line(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Return which samples (n,) of signals (n, K) were put on the line between their neighbours."""
-    share = ((time[1:-1] - time[:-2]) / (time[2:] - time[:-2]))[:, None]
-    off = np.abs(values[1:-1] - (1.0 - share) * values[:-2] - share * values[2:])
-    on = off <= EXACT * np.ptp(values, axis=0)
+    on = np.abs(off_the_line(time, values)) <= EXACT * np.ptp(values, axis=0)
     changes = values[2:] != values[:-2]
     together = on.all(axis=1) & (np.count_nonzero(changes, axis=1) >= TELLING)
     # of all other samples: how often each signal is on the line where it changes

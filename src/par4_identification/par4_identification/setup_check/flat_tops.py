@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from par4_identification.logs.clips import FLAT, FLAT_RUNS, FLATS
 from par4_identification.logs.log import Log
 from par4_identification.logs.masks import stretches
 
-FLAT, FLATS, FLAT_RUNS = 4, 20, 3
-"""A torque is clipped if it stays at its largest value for so many samples in a row, for so many in
-all, and so often."""
 PILED = 4.0
 """Ratio of the samples at that value to those at the one next to it, at the least."""
 SWITCHED = 0.4
