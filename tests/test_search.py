@@ -383,6 +383,29 @@ def test_a_value_on_the_wrong_side_of_zero_is_none_of_a_machine(torque, possible
     assert search.belief.is_possible(item, ()) == possible
 
 
+@pytest.mark.parametrize(('torque', 'computed'), [(0.3, 0), (-0.3, 1)])
+def test_deviations_are_computed_only_of_values_that_need_an_excuse(monkeypatch, torque, computed):
+    search = search_of(('stribeck', {'stribeck_torque': torque, 'stribeck_velocity': 0.3}),
+                       library=('stribeck',))
+    asked = []
+    monkeypatch.setattr('par4_identification.diagnosis.search.belief.estimated',
+                        lambda *own: asked.append(own) or estimated(*own))
+    reason = search.belief.objection(cause('stribeck', stribeck_velocity=0.3), ())
+    assert (len(asked), reason is None) == (computed, computed == 0)
+
+
+def test_a_value_beyond_its_bounds_by_chance_is_excused_by_its_deviation(monkeypatch):
+    search = search_of(('stribeck', {'stribeck_torque': -0.3, 'stribeck_velocity': 0.3}),
+                       library=('stribeck',))
+
+    def doubted(*own):
+        values, _ = estimated(*own)
+        return values, {name: np.full(np.shape(value), 1e3) for name, value in values.items()}
+
+    monkeypatch.setattr('par4_identification.diagnosis.search.belief.estimated', doubted)
+    assert search.belief.objection(cause('stribeck', stribeck_velocity=0.3), ()) is None
+
+
 @pytest.mark.parametrize(('name', 'values', 'joints', 'wrong'), [
     ('load_dependent_friction', {'coefficient': (-0.02,) * 4}, EVERY, True),
     ('load_dependent_friction', {'coefficient': (0.02, -0.02, 0.02, -0.02)}, EVERY, False),

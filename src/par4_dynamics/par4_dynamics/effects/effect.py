@@ -326,7 +326,9 @@ class Effect(ABC):
 
         Args:
             values: of all parameters.
-            std: their standard deviations, of the same shapes; zero where a value is known.
+            std: their standard deviations, of the same shapes; zero where a value is known. What
+                is refused with some of them is refused without any, so that a search asks for
+                them only where exact values are refused.
             base: base parameters (J,) that were fitted together with the values.
         """
 

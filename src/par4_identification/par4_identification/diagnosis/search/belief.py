@@ -63,22 +63,19 @@ class Belief:
     def is_possible(self, hypothesis: Hypothesis, others: Hypotheses) -> bool:
         """Return whether a machine can have the values of a cause as they are, if they are exact.
         """
-        values, std, level = self._values(hypothesis, others,
-                                          self.pool.solution([*others, hypothesis]))
-        exact = {name: np.zeros_like(own) for name, own in std.items()}
-        return hypothesis.named.implausible(values, exact, level) is None
+        values, level = self._values(hypothesis, self.pool.solution([*others, hypothesis]))
+        return hypothesis.named.implausible(values, _exact(values), level) is None
 
     def is_on_wrong_side(self, hypothesis: Hypothesis, others: Hypotheses) -> bool:
         """Return whether each joint of a cause has values that none can have, with the other sign.
 
         A gap below zero is such a value; a gain that is too far off is none.
         """
-        values, std, level = self._values(hypothesis, others,
-                                          self.pool.solution([*others, hypothesis]))
+        values, level = self._values(hypothesis, self.pool.solution([*others, hypothesis]))
         effect = hypothesis.named
         sizes = {parameter.name for parameter in effect.parameters if parameter.is_size}
         mirrored = {name: -value if name in sizes else value for name, value in values.items()}
-        exact = {name: np.zeros_like(own) for name, own in std.items()}
+        exact = _exact(values)
         joints = 1 if effect.shared else len(hypothesis.joints)
 
         def is_possible(known: Values, joint: int) -> bool:
@@ -121,14 +118,18 @@ class Belief:
             if found.min() < low or found.max() > high:
                 shares = dict.fromkeys((f'{found.min():.2f}', f'{found.max():.2f}'))
                 return f'its torque comes out at {" to ".join(shares)} of what it must be'
-        reason = effect.implausible(*self._values(hypothesis, others, fit))
+        values, level = self._values(hypothesis, fit)
+        reason = effect.implausible(values, _exact(values), level)
+        if reason is not None:  # deviations, which take far longer to compute, only excuse
+            _, std = estimated(self.pool.evidence, hypothesis, fit, len(others),
+                               self._inflation((*others, hypothesis)))
+            reason = effect.implausible(values, std, level)
         if reason is None and order_name(effect) is None:
             reason = self._driven_beside(others, fit, self._inflation((*others, hypothesis)))
         return reason
 
-    def _values(self, hypothesis: Hypothesis, others: Hypotheses, fit: Fit
-                ) -> tuple[Values, Values, Base]:
-        """Return the values of a hypothesis, the last of a fit, their deviations and the base's."""
+    def _values(self, hypothesis: Hypothesis, fit: Fit) -> tuple[Values, Base]:
+        """Return the values of a hypothesis, the last of a fit, and those of the base."""
         effect, evidence = hypothesis.named, self.pool.evidence
         acting = list(range(evidence.observations.joints) if effect.shared
                       else hypothesis.joints)
@@ -139,8 +140,7 @@ class Belief:
                       for term, value in zip(evidence.observations.terms, fit.base)})
         if evidence.observations.of_axis:
             level[FAST] = np.full(len(acting), self._fast_speed)
-        return *estimated(evidence, hypothesis, fit, len(others),
-                          self._inflation((*others, hypothesis))), level
+        return effect.values(fit.coefficients[-1][:, acting], hypothesis.shape), level
 
     @property
     def _fast_speed(self) -> float:
@@ -169,3 +169,8 @@ class Belief:
                 return (f'beside it friction comes out as {level:.3g} N m at {own:.3g} rad/s, '
                         f'which drives')
         return None
+
+
+def _exact(values: Values) -> Values:
+    """Return the standard deviations of values that are exact."""
+    return {name: np.zeros(np.shape(value)) for name, value in values.items()}
