@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from par4_identification.diagnosis.evidence.estimates import _with_columns
-from par4_identification.diagnosis.evidence.small_systems import directions, quadratic, solved
+from par4_identification.diagnosis.evidence.small_systems import (
+    directions,
+    orthonormal,
+    quadratic,
+    solved,
+)
 
 
 @pytest.fixture
@@ -37,6 +42,16 @@ def test_a_column_that_is_there_twice_explains_nothing_more(columns) -> None:
     assert (len(values), vectors.shape) == (5, (6, 5))
     fitted = part @ solved(part.T @ part, part.T @ target)
     np.testing.assert_allclose(fitted @ fitted, found[0][0], rtol=1e-6)
+
+
+@pytest.mark.parametrize('twice', [False, True])
+def test_orthonormal_combinations_span_what_columns_span(columns, twice) -> None:
+    """With a column that is there twice one combination is left out."""
+    part = columns[0] / np.linalg.norm(columns[0], axis=0)
+    design = np.column_stack((part, part[:, 1])) if twice else part
+    combined = design @ orthonormal(np.tril(design.T @ design))
+    np.testing.assert_allclose(combined.T @ combined, np.eye(5), atol=1e-7)
+    np.testing.assert_allclose(combined @ (combined.T @ part), part, atol=1e-7)
 
 
 def test_columns_beside_a_design_have_the_covariance_of_a_fit_of_all(columns) -> None:

@@ -21,7 +21,7 @@ from par4_identification.diagnosis.evidence.evidence import (
 from par4_identification.diagnosis.evidence.fit import prior_weights
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.kind import Key, Kind, key_of
-from par4_identification.diagnosis.evidence.small_systems import ROUNDING, quadratic
+from par4_identification.diagnosis.evidence.small_systems import orthonormal, quadratic
 
 
 @dataclass(frozen=True)
@@ -87,16 +87,13 @@ class Projection:
         for row, part in enumerate(self._parts):
             for other in self._parts[:row + 1]:
                 products = self.evidence.products(part.key, other.key)
-                for joint in part.places.keys() & other.places.keys():
-                    block = products[joint][part.columns][:, other.columns]
-                    gram[part.places[joint], other.places[joint]] += block
-                    if other is not part:
-                        gram[other.places[joint], part.places[joint]] += block.T
+                for joint, place in part.places.items():
+                    if joint in other.places:  # only the lower triangle is looked at
+                        gram[place, other.places[joint]] += (
+                            products[joint][part.columns][:, other.columns])
         gram[np.diag_indices(size)] += prior_weights(self.evidence, self.hypotheses, size)
         scale = np.sqrt(np.maximum(gram.diagonal(), 1e-30))
-        values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
-        kept = values > ROUNDING * values[-1]
-        return vectors[:, kept] / np.sqrt(values[kept]) / scale[:, None]
+        return orthonormal(gram / np.outer(scale, scale)) / scale[:, None]
 
     @cached_property
     def _target_moment(self) -> np.ndarray:

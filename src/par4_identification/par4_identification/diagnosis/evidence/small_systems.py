@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-import scipy
+from scipy.linalg import lapack
 
 ROUNDING = 1e-11
 """Eigenvalues of scaled normal equations below which a direction is not told by the data."""
@@ -34,14 +34,30 @@ def assembled(grams, moments, own, positions, ends, size):
 
 def solved(gram: np.ndarray, moment: np.ndarray) -> np.ndarray:
     """Return the solution (c,) of scaled normal equations, rounding left out."""
-    try:
-        lower = np.linalg.cholesky(gram)
-    except np.linalg.LinAlgError:
-        lower = None
-    if lower is not None and lower.diagonal().min() ** 2 > DISTINCT:
-        return scipy.linalg.cho_solve((lower, True), moment, check_finite=False)
+    lower = _triangle(gram)
+    if lower is not None:
+        return np.asarray(lapack.dpotrs(lower, moment, lower=True)[0])
     values, vectors = directions(gram)
     return vectors @ ((vectors.T @ moment) / values)
+
+
+def orthonormal(gram: np.ndarray) -> np.ndarray:
+    """Return combinations W (c, r) of columns with W^T gram W = 1, rounding left out.
+
+    Of the scaled normal equations only the lower triangle is looked at.
+    """
+    lower = _triangle(gram)
+    if lower is not None:
+        return np.asarray(lapack.dtrtri(lower, lower=True)[0].T)
+    values, vectors = directions(gram)
+    return vectors / np.sqrt(values)
+
+
+def _triangle(gram: np.ndarray) -> np.ndarray | None:
+    """Return the lower triangular root of scaled normal equations; None where it may be rounding.
+    """
+    lower, failed = lapack.dpotrf(gram, lower=True, clean=True)
+    return lower if not failed and lower.diagonal().min() ** 2 > DISTINCT else None
 
 
 def directions(gram: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
