@@ -15,6 +15,7 @@ from test_search import bump
 
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_identification.diagnosis.evidence.evidence import gather
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import observe, with_nominal
 from par4_identification.diagnosis.evidence.projection import project
 from par4_identification.diagnosis.evidence.side_by_side import side_by_side, threads_of_process
@@ -314,6 +315,38 @@ def test_orders_that_are_known_are_the_answer_after_two_looks(evidence, looks):
     assert again == anew
     assert len(looks) == 2
     assert same == pytest.approx(gain, rel=1e-6)
+
+
+def test_what_each_order_gains_beside_the_others_follows_from_one_fit_of_all(evidence):
+    ripple, orders = CATALOGUE['torque_ripple'], (9.0, 20.0, 31.0)
+
+    def beside(some):
+        return project(evidence, (Hypothesis(ripple, {'periods': some}, (0, 1, 2, 3)),))
+
+    whole = beside(orders)
+    for order, gain in zip(orders, whole.last_gains):
+        others = beside(tuple(own for own in orders if own != order))
+        assert gain == pytest.approx(others.gain(ripple, {'periods': order}), rel=1e-9)
+        assert whole.squares + gain == pytest.approx(others.squares, rel=1e-9)
+
+
+def test_shapes_gain_together_what_each_of_them_gains(evidence):
+    ripple, projection = CATALOGUE['torque_ripple'], project(evidence, ())
+    shapes = [{'periods': order} for order in (9.5, 20.0, 31.25)]
+    np.testing.assert_allclose(projection.gains_apart(ripple, shapes), [
+        projection.gain(ripple, shape) for shape in shapes], rtol=1e-9)
+
+
+def test_what_a_projection_leaves_is_orthogonal_to_its_columns(evidence):
+    ripple = Hypothesis(CATALOGUE['torque_ripple'], {'periods': (9.0, 31.0)}, (0, 2))
+    projection = project(evidence, (
+        ripple, Hypothesis(CATALOGUE['theta_inertia'], {}, (0, 1, 2, 3))))
+    design, left = projection.design, projection.residual
+    assert np.abs(design.T @ left).max() < 1e-8 * np.linalg.norm(design, axis=0).max() * (
+        np.linalg.norm(evidence.target))
+    np.testing.assert_allclose(left, evidence.target - design @ np.linalg.lstsq(
+        design, evidence.target, rcond=None)[0], atol=1e-7 * np.abs(evidence.target).max())
+    assert projection.squares == pytest.approx(left @ left, rel=1e-9)
 
 
 @pytest.mark.parametrize('change', [

@@ -170,10 +170,14 @@ class Evidence:
 
     def _of_joints(self, key: Key) -> tuple[np.ndarray, ...]:
         """Return the columns of each joint."""
+        return tuple(self.columns_of_joint(key, joint) for joint in range(len(self.ends) - 1))
+
+    def columns_of_joint(self, key: Key, joint: int) -> np.ndarray:
+        """Return columns that have been made before, or those of the base terms, of a joint."""
         if key not in (BASE, _TARGET):
-            return self._kept[key].columns
+            return self._kept[key].columns[joint]
         columns = self.base if key == BASE else self.target_left[:, None]
-        return tuple(columns[first:last] for first, last in zip(self.ends, self.ends[1:]))
+        return columns[self.ends[joint]:self.ends[joint + 1]]
 
     def torques(self, keys: Sequence[Key], torque: Callable[[State, Key], np.ndarray]
                 ) -> np.ndarray:
@@ -202,7 +206,7 @@ class Evidence:
         """Return the whitened, stacked columns of a hypothesis."""
         blocks = self.blocks(hypothesis.effect, hypothesis.shape)
         shared = hypothesis.effect.shared
-        of_joints = [np.hstack(parts)[:, hypothesis.columns]
+        of_joints = [(parts[0] if len(parts) == 1 else np.hstack(parts))[:, hypothesis.columns]
                      for parts in zip(*(block.columns for block in blocks))]
         return spread(of_joints, tuple(range(len(of_joints))) if shared else hypothesis.joints,
                       shared)

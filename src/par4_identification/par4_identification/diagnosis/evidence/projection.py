@@ -131,6 +131,19 @@ class Projection:
         left = self.evidence.target_left
         return float(left @ left - self._target_moment @ self._values)
 
+    @property
+    def last_gains(self) -> list[float]:
+        """Twice the gain in log-likelihood of each part of the last hypothesis beside all else."""
+        last = self.hypotheses[-1]
+        gains = []
+        for part in self._parts[-len(last.effect.parts(last.shape)):]:
+            own = np.unique(np.concatenate([
+                np.arange(place.start, place.stop) for place in part.places.values()]))
+            directions, values = self._directions[own], self._values[own]
+            gains.append(float(values @ np.linalg.lstsq(
+                directions @ directions.T, values, rcond=1e-9)[0]))
+        return gains
+
     @cached_property
     def design(self) -> np.ndarray:
         """The columns, (N, c)."""
@@ -139,7 +152,14 @@ class Projection:
     @cached_property
     def residual(self) -> np.ndarray:
         """What is left of the target, (N,)."""
-        return self.evidence.target_left - self.design @ self._values
+        left = self.evidence.target_left.copy()
+        for joint, (acting, _, values) in enumerate(self._of_joints):
+            own, first = left[self.evidence.ends[joint]:self.evidence.ends[joint + 1]], 0
+            for number, columns in acting:
+                part = self.evidence.columns_of_joint(self._parts[number].key, joint)[:, columns]
+                own -= part @ values[first:first + part.shape[1]]
+                first += part.shape[1]
+        return left
 
     def gains(self, effect: Effect | Kind, shapes: Sequence[Shape]) -> np.ndarray:
         """Return twice the gain in log-likelihood by an effect on all joints at each shape, (s,).
@@ -148,6 +168,17 @@ class Projection:
         of small matrices, joint by joint; only the design connects them.
         """
         size, gram, moment = self._normal_equations(effect, shapes)
+        return quadratic(gram, moment, size)
+
+    def gains_apart(self, effect: Effect, shapes: Sequence[Shape]) -> np.ndarray:
+        """Return the same of shapes with one part each that are seldom asked for together.
+
+        Their products are kept shape by shape.
+        """
+        blocks = [self.evidence.blocks(effect, shape)[0] for shape in shapes]
+        size, gram, moment = self._normal_equations_of(
+            effect, [key_of(effect, shape) for shape in shapes],
+            np.stack([block.gram for block in blocks]))
         return quadratic(gram, moment, size)
 
     def gain(self, effect: Effect | Kind, shape: Shape) -> float:
@@ -181,7 +212,11 @@ class Projection:
 
         The columns are those of each shape, stacked over the joints where they share none.
         """
-        keys, grams = self._columns(effect, shapes)
+        return self._normal_equations_of(effect, *self._columns(effect, shapes))
+
+    def _normal_equations_of(self, effect: Effect | Kind, keys: Sequence[Key], grams: np.ndarray
+                             ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the same of columns by their keys and their products (s, J, k, k)."""
         count, joints, width = grams.shape[:3]
         moments = [self.evidence.moments(key) for key in keys]
         of_parts = [[self.evidence.products(part.key, key) for key in keys]

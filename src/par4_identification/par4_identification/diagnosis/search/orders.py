@@ -71,14 +71,15 @@ def best_orders(effect: Effect, shapes: Sequence[Shape], projection: Projection,
                      rules)
     first, gain = search.strongest(projection, ())
     earlier = None if known is None else known[name]
-    if known is not None and isinstance(earlier, tuple) and first in earlier and (
-            search.is_whole(earlier)):
-        return known, projection.squares - search.beside(earlier).squares
+    if known is not None and isinstance(earlier, tuple) and first in earlier:
+        whole = search.whole(earlier)
+        if whole is not None:
+            return known, projection.squares - whole.squares
     found = [first]
     while len(found) < MOST:
         beside = search.beside(found)
         order, more = search.strongest(beside, found)
-        if not search.is_worth(more, beside):
+        if not search.is_worth(more, beside.squares):
             break
         found.append(order)
         gain += more
@@ -133,23 +134,26 @@ class _Orders:
         known = Hypothesis(self.effect, self.shape(some), joints)
         return project(self.projection.evidence, (*self.projection.hypotheses, known))
 
-    def is_worth(self, more: float, beside: Projection) -> bool:
-        """Return whether an order gains (twice) enough beside others."""
-        evidence = beside.evidence
+    def is_worth(self, more: float, squares: float) -> bool:
+        """Return whether an order gains (twice) enough beside others that leave such squares."""
+        evidence = self.projection.evidence
         coefficients = 2 * (1 if self.effect.shared else evidence.observations.joints)
-        named = max(self._before - beside.squares, 0.0)
+        named = max(self._before - squares, 0.0)
         return 0.5 * more >= (
             self.rules.evidence + 0.5 * coefficients * np.log(max(evidence.rows, 2))
             + np.log(len(self.tried)) + 0.5 * OF_PAR4.named_error ** 2 * named)
 
-    def is_whole(self, some: Sequence[float]) -> bool:
-        """Return whether each of some orders is worth it beside the others, and no further one."""
-        for order in some:
-            beside = self.beside([other for other in some if other != order])
-            if not self.is_worth(beside.gain(self.effect, {self.name: order}), beside):
-                return False
+    def whole(self, some: Sequence[float]) -> Projection | None:
+        """Return the projection of the causes and of some orders.
+
+        None unless each of them is worth it beside the others, and no further one is.
+        """
         beside = self.beside(some)
-        return len(some) == MOST or not self.is_worth(self.strongest(beside, some)[1], beside)
+        if all(self.is_worth(gain, beside.squares + gain) for gain in beside.last_gains) and (
+                len(some) == MOST
+                or not self.is_worth(self.strongest(beside, some)[1], beside.squares)):
+            return beside
+        return None
 
     def settled(self, order: float, others: Sequence[float]) -> float:
         """Return an order between those of the grid where it gains most beside all others.
@@ -183,9 +187,12 @@ class _Orders:
 
         def worth(some: Sequence[Shape]) -> np.ndarray:
             beside.evidence.keep(self.effect, some)
-            return np.array([beside.gain(self.effect, shape) if new else -np.inf
-                             for shape, new in zip(some, is_new(np.array(
-                                 [single(shape[self.name]) for shape in some])))])
+            gains = np.full(len(some), -np.inf)
+            new = is_new(np.array([single(shape[self.name]) for shape in some]))
+            if new.any():
+                gains[new] = beside.gains_apart(
+                    self.effect, [shape for shape, own in zip(some, new) if own])
+            return gains
 
         lines = Lines(self.effect, beside, float(self.tried[-1]))
         by_lines = np.where(is_new(self.tried), lines.gains(self.tried), -1.0)
