@@ -37,7 +37,7 @@ MOST = 3
 QUIETER = 0.7
 """Share of the variance of the noise below which a model's rest is taken as the noise."""
 AS_LARGE = 1.05
-"""Standard deviation of a noise over that of another up to which it is no larger."""
+"""Standard deviation of the noise of an axis over that of another up to which it is no larger."""
 BY_COUNTS = 0.5
 """Share of what an effect explains that encoder counts may make, from which on it explains noise.
 """
@@ -85,17 +85,20 @@ def quieter(whitener: Whitener, observations: Observations, model: Sequence[Hypo
     left = residuals(observations, model, fit)
     found = whitener_of_residuals(observations, _without_unnamed(observations, left, kinds),
                                   len(fit.covariance))
+    most = AS_LARGE if observations.of_axis else np.inf
     return replace(whitener, noise=tuple(
-        new if _is_quieter(new, old) else old for new, old in zip(found.noise, whitener.noise)))
+        new if _is_quieter(new, old, most) else old
+        for new, old in zip(found.noise, whitener.noise)))
 
 
-def _is_quieter(new: ArNoise, old: ArNoise) -> bool:
-    """Return whether a noise is the smaller one by what is new in each row, and no larger one.
+def _is_quieter(new: ArNoise, old: ArNoise, most: float) -> bool:
+    """Return whether a noise is the smaller one by what is new in each row.
 
-    One whose rows tell more of each other, but which is larger, only wanders more: that is what a
-    wrong cause leaves.
+    As a whole it may be `most` times as large. One whose rows tell more of each other, but which is
+    larger, only wanders more. That is what a wrong cause leaves, or a law that an axis follows less
+    closely than a Par4 does.
     """
-    return new.variance < QUIETER * old.variance and new.size < AS_LARGE * old.size
+    return new.variance < QUIETER * old.variance and new.size < most * old.size
 
 
 def _noise_of_plateaus(observations: Observations) -> np.ndarray:
