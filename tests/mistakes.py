@@ -76,6 +76,12 @@ def fast_clock(log: Log, rate: float) -> Log:
     return _torque_at(log, log.t[0] + (log.t - log.t[0]) / (1.0 + rate))
 
 
+def late_from(log: Log, start: float, delay: float) -> Log:
+    """Return the log whose torque is late from `start` on, s after the first row."""
+    times = np.where(log.t < log.t[0] + start, log.t, log.t - delay)
+    return replace(log, tau=CubicSpline(log.t, log.tau)(times))
+
+
 def _torque_at(log: Log, times: np.ndarray) -> Log:
     """Return the log with the torque of other times; what was never recorded is cut off."""
     kept = np.flatnonzero((times >= log.t[0]) & (times <= log.t[-1]))

@@ -135,6 +135,11 @@ def test_a_mistake_is_told_and_mended(case, name, request):
     assert error_of(check.logs[0]) < 1.3 * error_of(log)
 
 
+@pytest.mark.parametrize('start', [6.5, 7.0, 7.5])
+def test_what_is_late_in_one_part_is_no_clock_that_drifts(clean, start):
+    assert 'clock_drift' not in dict(found(mistakes.late_from(clean, start, 0.02))[0])
+
+
 def test_many_slips_of_an_encoder_are_one_finding(clean):
     times = np.arange(2.0, 8.0)
     slipped = clean

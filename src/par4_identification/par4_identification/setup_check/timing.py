@@ -54,6 +54,9 @@ BETTER = 0.95
 DRIFT_DEVIATIONS = 15.0
 """Standard deviations that a drift must be from zero. They are so many because residuals are not
 white, and the stated deviation takes them for white."""
+PARTS, GOES_ON = 3, 0.25
+"""Parts of the moving rows, and least share of the rate of a clock that is found without any one of
+them. A clock drifts all the time. What is late in one part alone is something that acts there."""
 BUILDING_UP = 0.003, 0.01, 0.03, 0.1
 """Shares of the range of an axis over which friction may build up after a reversal."""
 STEPS = 6
@@ -121,7 +124,8 @@ def timing_of(rows: Equations, rival: Equations | None = None) -> Timing | None:
               and abs(rate) > max(SMALLEST_RATE, DRIFT_DEVIATIONS * drifting.rate_std)
               and abs(rate) < LARGEST_RATE
               and own.left < min(by_drift * fit.left, other) and own.physical
-              and own.error < min(UNEXPLAINED, BETTER * before.error))
+              and own.error < min(UNEXPLAINED, BETTER * before.error)
+              and _goes_on(rows, torque, late.delay, middle, rate))
     if drifts:
         return Timing(drifting.delay - rate * (middle - start), rate, start, end,
                       (drifting.delay_std, drifting.rate_std), before, own)
@@ -131,6 +135,18 @@ def timing_of(rows: Equations, rival: Equations | None = None) -> Timing | None:
                 UNEXPLAINED, BETTER * before.error)):
         return Timing(delay, 0.0, start, end, (late.delay_std, 0.0), before, fit)
     return None
+
+
+def _goes_on(rows: Equations, torque: _Torque, delay: float, middle: float, rate: float) -> bool:
+    """Return whether a clock drifts without each of the parts of the moving rows, too."""
+    moving = np.flatnonzero(rows.valid.any(axis=1))
+    for part in np.array_split(moving, PARTS):
+        others = rows.valid.copy()
+        others[part] = False
+        without = _refined(replace(rows, valid=others), torque, delay, middle, drifts=True)
+        if without.rate / rate < GOES_ON:
+            return False
+    return True
 
 
 def with_memory(state: State) -> np.ndarray:
