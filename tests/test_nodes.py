@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -571,6 +572,27 @@ def test_services_of_the_simulation(bench):
     assert bench.call('par4_simulation/reload_model').success
     assert bench.call('par4_simulation/stop').success
     assert bench.ended(simulated.child) == 0
+
+
+def test_a_model_that_is_read_anew_is_described_anew(bench):
+    path = bench.folder / 'model.yaml'
+    content = read_model_file('table1_full')
+    write_model_file(path, content)
+    descriptions = bench.listen(ROBOT_DESCRIPTION)
+    Simulated(bench, model_file=path)
+    bench.wait(lambda: descriptions, 'the description')
+    mass = content.parameters['platform_mass_1']
+    write_model_file(path, content.model_copy(update={'parameters': content.parameters | {
+        'platform_mass_1': mass.model_copy(update={'value': mass.value + 0.3})}}))
+    assert bench.call('par4_simulation/reload_model').success
+    bench.wait(lambda: len(descriptions) > 1, 'the description of the new model')
+
+    def whole_mass(description):
+        return sum(float(own.get('value')) for own in ElementTree.fromstring(
+            description.data).iter('mass'))
+
+    before, after = map(whole_mass, descriptions)
+    assert after - before == pytest.approx(0.3, abs=1e-3)
 
 
 def lag_over_topics(bench, simulated, motion, inputs=(REFERENCE,)):

@@ -74,6 +74,10 @@ class SamplePublisher:
         self._effort_alone = _template(JOINT_NAMES, 1)
         self._with_passive = _template(
             list(tree_joint_positions(robot.geometry, home_pose(robot))), 3)
+        self.describe(description)
+
+    def describe(self, description: str) -> None:
+        """Publish the URDF of the robot; whoever comes later gets it, too."""
         self._messages[ROBOT_DESCRIPTION].data = description
         self._send(ROBOT_DESCRIPTION, self._messages[ROBOT_DESCRIPTION])
 

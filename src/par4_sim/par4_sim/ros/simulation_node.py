@@ -177,6 +177,7 @@ class SimulationNode(Par4Node):
 
     def _reload_model(self) -> str:
         self._physics.restart(self._build())
+        self._samples.describe(self._description())
         return f'read {self.parameters.model_file}; at rest at home'
 
     def _pause(self) -> str:
