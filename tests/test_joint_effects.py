@@ -263,6 +263,26 @@ def reason_against(name, values, deviation=0.0):
     return CATALOGUE[name].implausible(full, std, arrays(BASE))
 
 
+@pytest.mark.parametrize('name', CATALOGUE)
+def test_no_deviation_refuses_values_that_a_machine_may_have_exactly(name):
+    """A search computes deviations only where the exact values are refused."""
+    random, effect = np.random.default_rng(11), CATALOGUE[name]
+    possible = 0
+    for _ in range(2000):
+        values, std = {}, {}
+        for parameter in effect.parameters:
+            count = 4 if parameter.size == 1 else parameter.size
+            each = random.uniform(-5.0, 5.0) + random.choice((0.0, 0.2)) * random.normal(size=count)
+            values[parameter.name] = random.choice((-1.0, 0.0, 1.0, 1.0)) * 10.0 ** each
+            std[parameter.name] = np.abs(values[parameter.name]) * 10.0 ** random.uniform(-3.0, 3.0)
+        exact = {key: 0.0 * own for key, own in std.items()}
+        with np.errstate(over='ignore', invalid='ignore'):  # a speed to the power of 1e5
+            if effect.implausible(values, exact, arrays(BASE)) is None:
+                possible += 1
+                assert effect.implausible(values, std, arrays(BASE)) is None
+    assert possible
+
+
 @pytest.mark.parametrize('name', EXAMPLES)
 def test_typical_size_is_plausible(name):
     assert reason_against(name, {}) is None
