@@ -314,7 +314,14 @@ def test_a_node_of_ros_is_started_with_the_description_and_heeds_signals(of_ros,
         context.try_shutdown()
 
 
-@pytest.mark.skipif(shutil.which('setpriv') is None, reason='setpriv of util-linux is missing')
+def test_a_node_of_ros_starts_where_nothing_can_end_it_with_a_killed_cell(of_ros, monkeypatch):
+    monkeypatch.setattr('par4_sim.cell.running_cell.END_WITH_US', ('no-such-program', '--'))
+    program, *_ = command_line_of(frames_part('simulation'), session_of('simulation', tf='true'))
+    assert Path(program).name == 'robot_state_publisher'
+
+
+@pytest.mark.skipif(shutil.which('setpriv') is None, reason='needs setpriv of util-linux, which '
+                    'every Debian and Ubuntu has; without it the node goes on, see workstation.md')
 def test_a_node_of_ros_ends_with_a_cell_that_is_killed(of_ros, bench):
     code = """
 import dataclasses, signal, sys
