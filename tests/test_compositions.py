@@ -314,7 +314,8 @@ def test_a_node_of_ros_is_started_with_the_description_and_heeds_signals(of_ros,
         context.try_shutdown()
 
 
-def test_a_node_of_ros_starts_where_nothing_can_end_it_with_a_killed_cell(of_ros, monkeypatch):
+@pytest.mark.usefixtures('of_ros')
+def test_a_node_of_ros_starts_where_nothing_can_end_it_with_a_killed_cell(monkeypatch):
     monkeypatch.setattr('par4_sim.cell.running_cell.END_WITH_US', ('no-such-program', '--'))
     program, *_ = command_line_of(frames_part('simulation'), session_of('simulation', tf='true'))
     assert Path(program).name == 'robot_state_publisher'
