@@ -160,7 +160,8 @@ def test_references_beyond_the_limits_are_refused_and_interrupted_ones_are_brake
 
 
 def test_motion_brakes_on_its_path_on_ctrl_c_and_on_stop(bench):
-    simulated = Simulated(bench, **EVERY_MILLISECOND)
+    # at half pace: on a busy machine the motion would come too late to be followed
+    simulated = Simulated(bench, real_time_factor=0.5, **EVERY_MILLISECOND)
     voltages = bench.listen(AMPLIFIER_VOLTAGE)
     excitation = named_motion('excitation', ROBOT, 20.0)
     for stop in (lambda child: child.send_signal(signal.SIGINT),
@@ -317,6 +318,16 @@ def test_a_bag_of_more_than_one_run_is_told_once(tmp_path, slash):
         node._bag.close()
         node._bag = None
     assert f'{tmp_path}/bag_2 holds more than one run' in log.warning.call_args.args[0]
+
+
+def test_an_empty_bag_that_cannot_be_removed_is_told(tmp_path, monkeypatch):
+    refused = mock.Mock(side_effect=PermissionError(13, 'Permission denied'))
+    monkeypatch.setattr('par4_identification.ros.record_node.shutil.rmtree', refused)
+    node = SimpleNamespace(_bag=mock.Mock(), _path=tmp_path / 'bag', _received=Counter(),
+                           _newest={}, _write_waiting=lambda: None, _lost=lambda: 0)
+    line = RecordNode._stop(node)
+    refused.assert_called_once_with(tmp_path / 'bag')
+    assert line.endswith('the bag cannot be removed: Permission denied')
 
 
 def test_a_restart_of_the_simulation_is_noticed_by_all_and_two_are_told_by_both(bench):

@@ -14,7 +14,6 @@ from typing import Literal
 
 import numpy as np
 
-from par4_dynamics.base_terms import BASE_TERMS
 from par4_dynamics.model import Model
 from par4_dynamics.model_file import ModelFile
 from par4_dynamics.model_from_file import build_model
@@ -142,15 +141,8 @@ def model_after(diagnosis: Diagnosis) -> ModelFile:
 
 
 def model_before(diagnosis: Diagnosis) -> ModelFile:
-    """Return the model without the causes: base parameters refitted, as the extended one else."""
-    extended = model_after(diagnosis)
-    lowest = {term.name: 0.0 if term.nonnegative else -np.inf for term in BASE_TERMS}
-    return extended.model_copy(update={
-        # a parameter that the motion does not show is as it was given
-        'parameters': {**extended.parameters, **{name: parameter.model_copy(update={
-            'value': max(parameter.value, lowest[name])})
-            for name, parameter in diagnosis.base_before.items()}},
-        'effects': extended.effects[:len(extended.effects) - len(diagnosis.causes)]})
+    """Return the model without the causes, base parameters refitted, as a machine can have it."""
+    return realisable(diagnosis.refitted_model, diagnosis.effects)
 
 
 def confront(robot: Robot, baseline: ModelFile, extended: ModelFile, log: Log,

@@ -98,7 +98,7 @@ def _signature_of_cause(diagnosis: Diagnosis, index: int, machine: Robot | Axis,
     """Return the signature plot of a cause and the label of its abscissa."""
     cause, holdout = diagnosis.causes[index], diagnosis.holdout
     model = torque_model(machine, diagnosis.extended_model, diagnosis.effects)
-    added = model.effects[-len(diagnosis.causes):]
+    added = model.effects[len(diagnosis.refitted_model.effects):]
     places, own, label = [], [], ''
     for run in holdout.runs:
         state = replace(run.state, nominal=model.nominal(run.state))

@@ -50,12 +50,8 @@ def steady_speeds_of(diagnosis: Diagnosis, machine: Robot | Axis) -> SteadySpeed
     speed, torque, place = (np.concatenate([_counted(run, name) for run in (*fitted, *held)])
                             for name in ('speed', 'tau', 'q'))
     count = sum(int(run.valid.sum()) for run in fitted)
-    found = len(diagnosis.causes)
-    extended = diagnosis.extended_model
-    known = extended.effects[:len(extended.effects) - found]
-    before, after = (build_model(machine, file, diagnosis.effects) for file in (
-        extended.model_copy(update={'effects': known, 'parameters': {
-            **extended.parameters, **diagnosis.base_before}}), extended))
+    before, after = (build_model(machine, file, diagnosis.effects)
+                     for file in (diagnosis.refitted_model, diagnosis.extended_model))
     state = fitted[0].state
     curve = np.linspace(speed.min(), speed.max(), POINTS)
     middle = np.full_like(curve, place.mean())
@@ -63,7 +59,7 @@ def steady_speeds_of(diagnosis: Diagnosis, machine: Robot | Axis) -> SteadySpeed
         speed, torque, np.arange(len(speed)) >= count,
         torque - _torque_of(after, state, speed, place), curve,
         _torque_of(before, state, curve, middle),
-        _torque_of(after, state, curve, middle) if found else None,
+        _torque_of(after, state, curve, middle) if diagnosis.causes else None,
         float(diagnosis.holdout.noise_floor_rms[0]))
 
 

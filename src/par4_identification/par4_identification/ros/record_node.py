@@ -128,8 +128,12 @@ class RecordNode(Par4Node):
         topics = ', '.join(f'{name} {count}' for name, count in sorted(self._received.items()))
         line = f'{self._path}: {self._received.total()} messages ({topics}), {self._lost()} lost'
         if not self._newest:  # what has failed to start is started again, to the same path
-            shutil.rmtree(self._path)
             line = f'{self._path}: no message of the robot came, so no bag is left'
+            try:
+                shutil.rmtree(self._path)
+            except OSError as error:
+                line = (f'{self._path}: no message of the robot came, and the bag cannot be '
+                        f'removed: {error.strerror}')
         print(line, flush=True)
         return line
 

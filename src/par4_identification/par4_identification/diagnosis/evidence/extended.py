@@ -16,6 +16,7 @@ from par4_identification.diagnosis.evidence.estimates import (
 from par4_identification.diagnosis.evidence.evidence import Evidence
 from par4_identification.diagnosis.evidence.fit import Fit
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.fitting.realisable import realisable_base
 
 
 def base_parameters(evidence: Evidence, fit: Fit, errors: Sequence[np.ndarray] = ()
@@ -59,9 +60,7 @@ def baseline_with(baseline: ModelFile | None, rigid_body: str, fitted: Mapping[s
     A base parameter that came out slightly negative is written as zero. One that the motion does
     not show stays as the baseline has it, or is written as zero without one.
     """
-    parameters = {term.name: fitted[term.name] if not term.nonnegative else
-                  fitted[term.name].model_copy(update={'value': max(fitted[term.name].value, 0.0)})
-                  for term in terms}
+    parameters = realisable_base({term.name: fitted[term.name] for term in terms})
     for term in BASE_TERMS:  # a motion that does not show it does not need it
         if not term.needs_platform and term.name not in parameters:
             zero = Parameter(value=0.0, unit=term.unit)

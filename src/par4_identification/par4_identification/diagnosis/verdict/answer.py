@@ -200,7 +200,8 @@ class Diagnosis:
         holdout: errors on held-out rows without and with the named causes.
         remaining: what neither named nor unnamed causes explain.
         base_before, base_after: base parameters without and with the named causes.
-        extended_model: base parameters and named causes as one model.
+        extended_model: base parameters and named causes as one model, the causes in their order
+            behind the effects that were known.
         fit_runs: rows that were fitted.
         evidence: these rows, whitened.
         hypotheses: those of the named causes, in the order of `causes`.
@@ -236,6 +237,14 @@ class Diagnosis:
     effects: Mapping[str, Effect] = field(default_factory=lambda: CATALOGUE)
     swing_hz: float | None = None
     below_hz: float | None = None
+
+    @property
+    def refitted_model(self) -> ModelFile:
+        """The extended model without its causes, the base parameters fitted without them."""
+        extended = self.extended_model
+        return extended.model_copy(update={
+            'parameters': {**extended.parameters, **self.base_before},
+            'effects': extended.effects[:len(extended.effects) - len(self.causes)]})
 
     @property
     def fitted_unlike(self) -> bool:
