@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from axes import axis
@@ -19,6 +21,7 @@ from par4_identification.diagnosis.search.rules import OF_AXIS
 from par4_identification.diagnosis.verdict.answer import Unusable
 from par4_identification.diagnosis.verdict.sure import is_no_noise
 from par4_identification.fitting.identification import identify
+from par4_identification.logs.log import Log
 from par4_identification.reports.outcome.diagnosis import outcome_of_diagnosis
 from par4_identification.reports.outcome.gravity import gravity_remarks
 from par4_identification.setup_check.check import check_setup
@@ -67,6 +70,37 @@ def test_a_torque_that_switches_between_levels_is_not_clipped(levels):
     check = check_setup([log], axis())
     assert check.findings == ()
     assert check.logs[0].doubtful is None or not check.logs[0].doubtful.any()
+    # what is put on even stamps is no more exact than the curve between them, but where it hits one
+    shaken = log.tau + 1e-6 * random.normal(size=log.tau.shape)
+    shaken[20_000:20_200] = log.tau[20_000:20_200]
+    assert check_setup([replace(log, tau=shaken)], axis()).findings == ()
+
+
+def turned_round_at(speed: float, lag: float) -> Log:
+    """Return a log of a cart that is driven by +-13 N, turned round at a speed; 150 Hz, 20 s.
+
+    Its force follows the recorded one through a first-order lag, s.
+    """
+    mass, friction, viscous, period, every = 6.3, 2.5, 10.0, 1.0 / 3000.0, 20
+    x = v = force = 0.0
+    wanted, rows = 13.0, []
+    for step in range(round(20.0 / period)):
+        if step % every == 0:
+            wanted = -13.0 if v > speed else 13.0 if v < -speed else wanted
+            rows.append((step * period, 1e-4 * round(1e4 * x), wanted))
+        force += (wanted - force) * period / lag
+        v += (force - friction * np.tanh(v / 1e-3) - viscous * v) / mass * period
+        x += v * period
+    return log_of(*np.array(rows).T)
+
+
+@pytest.mark.parametrize(('speed', 'lag'), [(0.25, 0.003), (0.3, 0.012)])
+def test_a_delay_that_leaves_an_axis_no_inertia_is_none(speed, lag):
+    """A quarter of its period later a switched force is friction: it goes as the speed's sign."""
+    log, cart = turned_round_at(speed, lag), axis(kind='linear')
+    assert 'delay' not in [finding.finding for finding in check_setup([log], cart).findings]
+    found = identify([log], cart, conditioning=conditioning_for([log], cart, Conditioning()))
+    assert 5.0 < found.estimate.values[0] < 8.0
 
 
 def told_of_gravity(tau, machine):

@@ -46,6 +46,10 @@ FEWER_ON_AXIS = 0.2
 FEWER_BY_DRIFT = 0.9
 """Most of what a constant delay leaves that a drift may leave; friction that warms leaves as much
 as 0.85, but at rates below `SMALLEST_RATE`."""
+SHOWN, GONE = 4.0, 1.5
+"""Squared error of an axis without inertia over that with it, from which on the inertia shows and
+up to which it does not. Moved by a quarter of the period of a motion, the torque that accelerates
+looks like friction: a time at which the inertia is gone is no time of the torque."""
 UNEXPLAINED = 0.6
 """Most of the torque in motion that the bodies may leave at the right time: of a torque that they
 do not explain at any time, no time is right."""
@@ -130,11 +134,20 @@ def timing_of(rows: Equations, rival: Equations | None = None) -> Timing | None:
         return Timing(drifting.delay - rate * (middle - start), rate, start, end,
                       (drifting.delay_std, drifting.rate_std), before, own)
     told = abs(delay) > smallest and np.isfinite(late.delay_std)  # a constant torque has no time
+    told = told and not (rows.of_axis and _loses_inertia(
+        rows, torque.at(np.full(len(rows.t), delay))))
     if told and fit.left < min(fewer * now.left, other) and fit.physical and (
             abs(delay) < LONGEST and fit.error < min(
                 UNEXPLAINED, BETTER * before.error)):
         return Timing(delay, 0.0, start, end, (late.delay_std, 0.0), before, fit)
     return None
+
+
+def _loses_inertia(rows: Equations, moved: np.ndarray) -> bool:
+    """Return whether the inertia of an axis shows in the recorded torque, not in the moved one."""
+    rest = replace(rows, columns=rows.columns[..., 1:])
+    now, then = (rest.fit(tau).left / max(rows.fit(tau).left, 1e-30) for tau in (rows.tau, moved))
+    return now > SHOWN and then < GONE
 
 
 def _goes_on(rows: Equations, torque: _Torque, delay: float, middle: float, rate: float) -> bool:
