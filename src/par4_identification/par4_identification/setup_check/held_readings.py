@@ -27,6 +27,9 @@ APART = 0.05
 """s over which the acceleration of a joint is taken beside its torque."""
 FASTER = 3.0
 """Ratio of a jump to what the joint travels in a sample, beside it."""
+SWITCHED = 100.0
+"""Ratio of a jump of a torque to what it usually goes in the time for which it stood, from which it
+was switched: by random steps, or as a controller that turns round at a limit does."""
 BRIEF, UNMOVED = 0.06, 4.0
 """s up to which a joint cannot have turned round unseen, and ratio of a jump to what the joint
 travels in that time at the speed beside it, from which the jump is no end of a held reading."""
@@ -109,7 +112,8 @@ def _held_torques(q: np.ndarray, tau: np.ndarray, stands: np.ndarray, offset: in
 
     A torque in coarse steps repeats by chance, mostly once, and changes by a step or two then. How
     often it repeats once tells how seldom it repeats for longer. It also stands as long as a joint
-    keeps its acceleration, as at a steady speed, and jumps where that ends.
+    keeps its acceleration, as at a steady speed, and jumps where that ends. One that is switched
+    stands in between, and changes by no more than what put it on other stamps did.
     """
     found, runs = [], list(stretches(stands))
     inertia: np.ndarray | None = None
@@ -131,8 +135,8 @@ def _held_torques(q: np.ndarray, tau: np.ndarray, stands: np.ndarray, offset: in
         usual = np.median(np.abs(np.diff(tau[max(start - 50, 0):start + 1], axis=0)).max(axis=1)) \
             if start > AROUND else 0.0
         moved = np.abs(q[end - 1] - q[start])
-        if (jump > FASTER * usual > 0.0 and (jumps > COUNTS * steps).any()
-                and (moved > COUNTS * counts).any()):
+        if (SWITCHED * (end - start) * usual > jump > FASTER * usual
+                and (jumps > COUNTS * steps).any() and (moved > COUNTS * counts).any()):
             found.append(Held(offset + start, offset + end, (), True))
     return found
 
