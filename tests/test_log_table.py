@@ -253,6 +253,41 @@ def test_a_matlab_file_is_an_archive(tmp_path):
     np.testing.assert_array_equal(read_columns(path, ('3',), 'runs')['3'], TAU)
 
 
+def test_objects_of_matlab_are_said_to_be_unread_without_a_warning(tmp_path, capfd):
+    """scipy warns of their names; the warning stood above the line of the error."""
+    once, twice = tmp_path / 'once.mat', tmp_path / 'log.mat'
+    savemat(once, {'log': {'t': T, 'q': Q}})
+    twice.write_bytes(once.read_bytes() + once.read_bytes()[128:])  # a name that comes twice
+    with pytest.raises(InputError, match=r"no array 't' with one number a sample; there are none; "
+                                         r'structs, cells and objects of MATLAB, such as a time'):
+        read_columns(twice, ('t',))
+    assert capfd.readouterr().err == ''
+
+
+def test_a_matlab_file_of_hdf5_is_said_to_be_one(tmp_path):
+    path = tmp_path / 'log.mat'
+    path.write_bytes(b'MATLAB 7.3 MAT-file'.ljust(124) + b'\x00\x02IM' + bytes(400))
+    with pytest.raises(InputError, match=r"a MATLAB 7.3 file, which is not read; in MATLAB load it "
+                                         r"and save it with save\('log.mat', '-v7'\)"):
+        read_columns(path, ('t',))
+
+
+@pytest.mark.parametrize('delimiter', [' ', ';'])
+def test_a_table_that_lies_on_its_side_is_turned(delimiter, tmp_path):
+    """As numpy.savetxt leaves an array with a row a quantity; it was read as three samples."""
+    path, t = tmp_path / 'log.txt', 0.01 * np.arange(500)
+    np.savetxt(path, np.stack((t, np.sin(t), np.cos(t))), delimiter=delimiter)
+    columns = read_columns(path, ('3', '1'))
+    np.testing.assert_array_equal(columns['3'], np.cos(t))
+    np.testing.assert_array_equal(columns['1'], t)
+    with pytest.raises(InputError, match="no column '4'; there are 3 without names, counted from 1"
+                                         ', as they stand in rows'):
+        read_columns(path, ('4',))
+    path.write_text(path.read_text(encoding='utf-8').rsplit(delimiter, 1)[0], encoding='utf-8')
+    with pytest.raises(InputError, match='there are 499 .* in the table that begins at line 3'):
+        read_columns(path, ('500',))
+
+
 def files(folder):
     """Return a folder with files that cannot be read as asked."""
     (folder / 'log.csv').write_text(CSV['commas'], encoding='utf-8')

@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import re
 import signal
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -30,6 +31,8 @@ from par4_kinematics.paths import instead_of_file
 
 MOST_NAMED = 12
 """Names that an error lists."""
+WIDEST = 100
+"""Columns that a table has at the most; where more stand in fewer rows, a row is a quantity."""
 
 
 def read_columns(path: str | Path, wanted: Sequence[str], array: str | None = None,
@@ -38,7 +41,8 @@ def read_columns(path: str | Path, wanted: Sequence[str], array: str | None = No
 
     A CSV may be parted by commas, semicolons, tabs or spaces, begin with comments, a header and a
     row of units, and have decimal commas; empty cells are NaN. What stands above the table, such as
-    the settings of a logger, is passed over.
+    the settings of a logger, is passed over. Of a wide table without names, as arrays are saved
+    that hold a quantity in a row, the rows are the columns.
 
     A column of a numpy archive (.npz) or a MATLAB file (.mat, up to version 7.2) is one of its
     arrays by name; of one with several numbers a sample `NAME[2]` is the second. Or it is a row or
@@ -131,16 +135,20 @@ def _archive(path: Path) -> Mapping[str, np.ndarray]:
     # A damaged MATLAB file can make scipy's compiled reader crash: it has a process of its own.
     except BrokenProcessPool:
         raise InputError(f'{path}: damaged, so that it cannot be read; save it again') from None
-    # Of damaged files both libraries raise whatever their parsers meet; scipy.io.loadmat raises
-    # NotImplementedError for MATLAB 7.3 files, which are HDF5.
+    except NotImplementedError:  # scipy.io.loadmat reads no HDF5
+        raise InputError(f"{path}: a MATLAB 7.3 file, which is not read; in MATLAB load it and "
+                         f"save it with save('{path.name}', '-v7')") from None
+    # Of damaged files both libraries raise whatever their parsers meet.
     except Exception as error:
         raise InputError(f'{path}: cannot be read ({" ".join(str(error).split())}); give an '
                          f'archive of plain numbers') from error
 
 
 def _of_matlab(path: str) -> dict[str, np.ndarray]:
-    return {name: np.asarray(values) for name, values in scipy.io.loadmat(path).items()
-            if not name.startswith('__')}
+    with warnings.catch_warnings():
+        warnings.simplefilter('ignore')  # of objects of MATLAB, which have no name in the file
+        return {name: np.asarray(values) for name, values in scipy.io.loadmat(path).items()
+                if not name.startswith('__')}
 
 
 def _of_archive(path: Path, archive: Mapping[str, np.ndarray], wanted: Sequence[str],
@@ -156,6 +164,9 @@ def _of_archive(path: Path, archive: Mapping[str, np.ndarray], wanted: Sequence[
                              f'{_listed(tables) or "none"}')
         return {name: _column(path, numeric[array], name) for name in wanted}
     plain = [name for name, values in numeric.items() if values.ndim == 1]
+    unread = ('; structs, cells and objects of MATLAB, such as a timeseries, are not read: save '
+              'their numbers as arrays of their own'
+              if any(values.dtype.kind in 'OV' for values in archive.values()) else '')
     columns = {}
     for name in wanted:
         table, number = of_table(name)
@@ -168,7 +179,7 @@ def _of_archive(path: Path, archive: Mapping[str, np.ndarray], wanted: Sequence[
                 f'{path}: no array {name!r} with one number a sample; there are '
                 f'{_listed(plain) or "none"}' + (f'; of those with several ({_listed(tables)}) '
                                                  f'give one, such as {tables[0]}[1]'
-                                                 if tables else ''))
+                                                 if tables else '') + unread)
     return columns
 
 
@@ -194,6 +205,11 @@ def _listed(names: Sequence[str]) -> str:
 def _of_csv(path: Path, wanted: Sequence[str], dates: Mapping[str, str]
             ) -> dict[str, np.ndarray]:
     layout = layout_of(path, wanted, dates)
+    if not layout.headers and layout.columns > WIDEST and not dates:
+        lying = _lying(path, layout)
+        if lying is not None:
+            return {name: lying[_place(path, name, (), len(lying), ', as they stand in rows')]
+                    for name in wanted}
     where = (f', in the table that begins at line {layout.first + 1}; if it begins elsewhere, cut '
              f'off what stands above its names')
     places = [_place(path, name, layout.headers, layout.columns, where) for name in wanted]
@@ -211,6 +227,21 @@ def _of_csv(path: Path, wanted: Sequence[str], dates: Mapping[str, str]
             str(error).split()).rstrip('.')
         raise InputError(f'{path}: {said}; mend the file') from error
     return dict(zip(wanted, values.T, strict=True))
+
+
+def _lying(path: Path, layout: Layout) -> np.ndarray | None:
+    """Return the rows of a table that has some, and fewer than columns; None of any other."""
+    with path.open(encoding=layout.encoding, newline='') as stream:
+        lines = [row_of(line, layout.delimiter)
+                 for line in islice(stream, layout.first, layout.first + layout.columns)
+                 if line.strip() and not is_comment(line)]
+    if not 1 < len(lines) < layout.columns:
+        return None
+    try:
+        return np.array([[layout.number(cell) for cell in fields_of(line, layout.delimiter)]
+                         for line in lines])
+    except ValueError:  # a cell that is no number, or rows of several lengths: said elsewhere
+        return None
 
 
 def _fault(path: Path, layout: Layout, places: Mapping[str, int],
