@@ -136,6 +136,15 @@ def test_held_readings_are_not_said_to_repeat_behind_a_dead_band():
                      'tools use only its changes, at 66.7 Hz')
 
 
+def test_a_torque_that_switches_is_not_said_to_repeat_behind_a_dead_band():
+    """A force that turns round as the speed does has two values and hardly another."""
+    stamp = np.arange(len(T)) * 1_000_000
+    torque = 4.0 * np.sign(np.sin(2.0 * np.pi * 2.2 * T + 0.1))
+    torque[:20] = 0.0  # before it starts
+    values = {'position': Q[:, None], 'torque': torque[:, None]}
+    assert Measured('revolute', stamp, values, len(T), 0).findings() == ()
+
+
 def test_too_few_rows_of_a_slow_log_are_said_to_be_near_reversals(tmp_path):
     t, q, qd, qdd = swings(fastest=4.0, duration=10.0)
     log = read(tmp_path / 'bag', t, held(q, 10), torque_of(qd, qdd))

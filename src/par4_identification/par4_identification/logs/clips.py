@@ -22,6 +22,9 @@ from par4_identification.logs.topic_signal import LARGEST, Signal
 FLAT, FLATS, FLAT_RUNS = 4, 20, 3
 """Readings are clipped if they stay at an end of the log for so many samples in a row, for so many
 in all, and so often."""
+SWITCHED = 0.4
+"""Part of the range of a torque by which it usually comes to its end or leaves it where it is not
+clipped but switched, as by a relay or by random steps; what is clipped comes near its end first."""
 FINE = 300.0
 """Least range of readings over their count: a coarser encoder hides how a joint slows down."""
 NEAREST = 3

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from par4_identification.logs.accounts import clipped_words, held_words
-from par4_identification.logs.clips import clips_of, levels_of
+from par4_identification.logs.clips import SWITCHED, clips_of, levels_of
 from par4_identification.logs.counters import restarts_of
 from par4_identification.logs.integrated import ways_of
 from par4_identification.logs.jumps import count_of, jumps_of, median_of_others
@@ -209,7 +209,8 @@ class Measured:
                                  f'{100.0 * least / np.ptp(own):.2g} % of its range; log it finer')
                 band = float(np.quantile(step, 0.02))
                 if (not moves and len(step) < REPEATED * len(own) and least < band
-                        and band > BAND * np.median(step)):
+                        and band > BAND * np.median(step)
+                        and np.median(step) < SWITCHED * np.ptp(own)):
                     found.append(f'{quantity} of joint {joint}: repeats in '
                                  f'{100.0 * (1.0 - len(step) / len(own)):.0f} % of the rows and '
                                  f'never changes by less than {band:.3g} {unit}, as behind a dead '
@@ -393,8 +394,9 @@ def _of_times(what: str, time: np.ndarray, period: float) -> str:
     """Return duration, rate and gaps of times (n,), s, in words."""
     spacing = np.diff(time)
     missing = spacing > GAP * period
-    jitter = np.sqrt(np.mean((spacing[(spacing > 0.0) & ~missing] - period) ** 2))
-    return (f'{what}, {time[-1] - time[0]:.6g} s at {1.0 / period:.5g} Hz (every '
+    onward = spacing > 0.0  # a clock that is set back takes nothing off what was recorded
+    jitter = np.sqrt(np.mean((spacing[onward & ~missing] - period) ** 2))
+    return (f'{what}, {spacing[onward].sum():.6g} s at {1.0 / period:.5g} Hz (every '
             f'{1e3 * period:.4g} ms +- {1e3 * np.round(jitter, 9):.2g} ms rms), '
             f'{np.count_nonzero(missing)} gaps'
             + (f', the longest {spacing.max():.4g} s' if missing.any() else ''))

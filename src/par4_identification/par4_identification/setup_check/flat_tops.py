@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_identification.logs.clips import FLAT, FLAT_RUNS, FLATS
+from par4_identification.logs.clips import FLAT, FLAT_RUNS, FLATS, SWITCHED
 from par4_identification.logs.log import Log
 from par4_identification.logs.masks import stretches
 
 PILED = 4.0
 """Ratio of the samples at that value to those at the one next to it, at the least."""
-SWITCHED = 0.4
-"""Part of the range of a torque by which it usually comes to its end or leaves it where it is not
-clipped but switched, as by a relay or by random steps; what is clipped comes near its end first."""
 
 
 def flat_tops(log: Log) -> np.ndarray:

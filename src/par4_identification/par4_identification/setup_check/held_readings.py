@@ -27,7 +27,7 @@ APART = 0.05
 """s over which the acceleration of a joint is taken beside its torque."""
 FASTER = 3.0
 """Ratio of a jump to what the joint travels in a sample, beside it."""
-SWITCHED = 100.0
+AT_ONCE = 100.0
 """Ratio of a jump of a torque to what it usually goes in the time for which it stood, from which it
 was switched: by random steps, or as a controller that turns round at a limit does."""
 BRIEF, UNMOVED = 0.06, 4.0
@@ -135,7 +135,7 @@ def _held_torques(q: np.ndarray, tau: np.ndarray, stands: np.ndarray, offset: in
         usual = np.median(np.abs(np.diff(tau[max(start - 50, 0):start + 1], axis=0)).max(axis=1)) \
             if start > AROUND else 0.0
         moved = np.abs(q[end - 1] - q[start])
-        if (SWITCHED * (end - start) * usual > jump > FASTER * usual
+        if (AT_ONCE * (end - start) * usual > jump > FASTER * usual
                 and (jumps > COUNTS * steps).any() and (moved > COUNTS * counts).any()):
             found.append(Held(offset + start, offset + end, (), True))
     return found
