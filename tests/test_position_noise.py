@@ -148,3 +148,17 @@ def test_rows_end_where_a_drive_answers_the_counts_of_its_encoder(counts, passed
     assert [cause.effect.name for cause in found.causes] == ['torque_offset']
     openly = conditioning_for([sound_log(12, counts)], AXIS, CONDITIONING)
     assert openly.torque_cutoff_hz == 40.0
+
+
+@pytest.mark.parametrize('mains', [50.0, 60.0])
+def test_hum_of_the_mains_on_a_reading_is_no_motion(mains):
+    """It was taken for acceleration, let through, and made an inertia of a hundredth."""
+    log = sound_log(6)
+    log = replace(log, q=log.q + 8e-4 * np.random.default_rng(6).standard_normal(log.q.shape))
+    hum = 1e-2 * np.sin(2.0 * np.pi * mains * T[:, None] + 0.4)
+    plain = resolved_hz([log])
+    assert plain < 0.9 * mains
+    assert resolved_hz([replace(log, q=log.q + hum)]) == pytest.approx(plain, abs=3.0)
+    # a joint that shakes at that frequency takes a torque
+    shaking = log.tau - INERTIA * (2.0 * np.pi * mains) ** 2 * hum
+    assert resolved_hz([replace(log, q=log.q + hum, tau=shaking)]) > mains

@@ -41,6 +41,9 @@ and stamps of unknown make are often noisier, and noise would turn the sign of a
 UNRESOLVED = 0.01
 """Share of the squares of the acceleration that noise of the positions may have. Noise in a column
 makes its coefficient too small by as much (errors in variables)."""
+MAINS_HZ, LINE, BESIDE = (50.0, 60.0), 30.0, (3, 10)
+"""Frequencies of mains; ratio of a line to the median beside it, from which it is one; and from how
+many hertz to how many beside it that is taken."""
 LEAST_POSITION = 0.1
 """Cut-off of the positions over that of the torque, at the least."""
 LEAST_CUTOFF = 5.0
@@ -238,7 +241,8 @@ def resolved_hz(logs: Sequence[Log]) -> float:
 
     Counts and noise of a position are white, or those of the speed that it is the integral of. In
     the second difference their power grows with the fourth or second power of the frequency, while
-    a motion has most of its acceleration at low ones.
+    a motion has most of its acceleration at low ones. Hum of the mains that the torque does not
+    have is none: nothing moves without a torque.
     """
     length = min(max(round(1.0 / log.period), 16) for log in logs) // 2
     told, noisy = np.zeros(length), np.zeros(length)
@@ -249,11 +253,31 @@ def resolved_hz(logs: Sequence[Log]) -> float:
         frequency = spectrum.frequency
         noise = (noise_gain(frequency, log.period, log.integrated)
                  * float(noise_variance(spectrum, log.period, log.integrated).sum()))
-        told += np.maximum(spectrum.power.sum(axis=1) - 2.0 * noise, 0.0)[:length]
+        torque = mean_spectrum([log.tau[segment] for segment in log.segments], log.period)
+        power = _without_hum(frequency, spectrum.power.sum(axis=1), torque.power.sum(axis=1))
+        told += np.maximum(power - 2.0 * noise, 0.0)[:length]
         noisy += noise[:length]
         highest = min(highest, float(frequency[-1]))
     few = np.cumsum(noisy) <= UNRESOLVED * np.maximum(np.cumsum(told), 1e-300)
     return highest * float(np.flatnonzero(few)[-1] + 1) / length if few.any() else 0.0
+
+
+def _without_hum(frequency: np.ndarray, power: np.ndarray, torque: np.ndarray) -> np.ndarray:
+    """Return the power (k,) of a reading without lines of the mains that its torque (k,) lacks."""
+    found = power.copy()
+    spacing = frequency[1] - frequency[0]
+    near, far = (round(hertz / spacing) for hertz in BESIDE)
+    for mains in MAINS_HZ:
+        for place in np.arange(mains, frequency[-1], mains):
+            middle = round(place / spacing)
+            line = slice(middle - near + 1, middle + near)
+            beside = np.r_[middle - far:middle - near + 1, middle + near:middle + far + 1]
+            beside = beside[(beside > 0) & (beside < len(power))]
+            own, other = (float(own[line].max() / max(np.median(own[beside]), 1e-300))
+                          for own in (power, torque))
+            if own > LINE and other < own / LINE:
+                found[line] = np.median(power[beside])
+    return found
 
 
 def _low_speeds(log: Log, cutoff: float) -> tuple[float, float]:
