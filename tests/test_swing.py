@@ -13,6 +13,7 @@ from hidden.recording import record
 from hidden.scenario import Task, draw_scenario, record_scenario
 from hidden.study import diagnosis_of
 from planned import evidence_of, log_of
+from searches import search_on
 
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.effects.springs import DAMPING_RATIO, FIRST, Drive, Springs
@@ -27,7 +28,8 @@ from par4_identification.diagnosis.evidence.projection import project
 from par4_identification.diagnosis.search.candidates import Candidates
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.swing import Swing, _descended, swing_in
-from par4_identification.diagnosis.verdict.swinging_loads import unbiased
+from par4_identification.diagnosis.verdict import swinging_loads
+from par4_identification.diagnosis.verdict.swinging_loads import unbiased, without_count_bias
 from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.robot import Axis
 from par4_sim.machines.noise import Noise
@@ -417,6 +419,21 @@ def test_the_damping_of_a_load_is_not_that_of_what_encoders_misread():
     assert abs(np.log(told.shape['damping_ratio'] / true)) < 0.6 * np.log(
         found.told['damping_ratio'] / true)
     assert effect.exact_at(told.shape, 4)[3] == pytest.approx(4e-5, rel=0.03)
+
+
+@pytest.mark.parametrize(('told_hz', 'is_told'), [(45.0, True), (9.8, False)])
+def test_values_that_explain_little_of_what_a_cause_does_are_not_told(monkeypatch, told_hz,
+                                                                      is_told):
+    """A correction for counts that lets loads swing with the motion has run away."""
+    effect = CATALOGUE['elastic_transmission']
+    soft, other = (Hypothesis(effect, effect.expansion(np.array(
+        [1.0 / (LOAD * (2.0 * np.pi * hertz) ** 2)]), {}), (0,)) for hertz in (46.0, told_hz))
+    fit, heldout = (evidence_of_axis(effect.exact_at(soft.shape, 1)[0], seed) for seed in (1, 2))
+    search = search_on(fit, heldout, (effect.name,))
+    monkeypatch.setattr(type(search.belief), 'objection', lambda *_: None)
+    monkeypatch.setattr(swinging_loads, 'unbiased', lambda *_: other)
+    model, changed = without_count_bias(search, (soft,))
+    assert (model, changed) == (((other,), [(soft, other)]) if is_told else ((soft,), []))
 
 
 @pytest.mark.parametrize('resonance', [35.0, 40.0, 45.0])

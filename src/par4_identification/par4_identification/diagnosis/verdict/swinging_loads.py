@@ -44,6 +44,9 @@ SMALL, SETTLED = 0.1, 0.1
 """Step over its own standard deviation, and over the way so far, that is the last."""
 WRONG = 0.5
 """Share of the correction that may be wrong."""
+KEPT = 0.5
+"""Least share of what a cause explains of rows held out that it explains with other values. Counts
+are a small part of a torque; what takes more away is a descent that ran into a resonance."""
 
 Moved = tuple[Hypothesis, Hypothesis]
 """A cause as least squares have it, and as it is told."""
@@ -56,9 +59,11 @@ def without_count_bias(search: Search, model: Hypotheses) -> tuple[Hypotheses, l
     """
     changed: list[Moved] = []
     for item in model:
-        told = unbiased(item, search.weighing.beside(others_of(model, item)),
-                        search.belief.dithered)
-        if told is not None and search.belief.objection(told, others_of(model, item)) is None:
+        others = others_of(model, item)
+        told = unbiased(item, search.weighing.beside(others), search.belief.dithered)
+        if told is not None and search.belief.objection(told, others) is None and (
+                search.weighing.gains(told, others)[1]
+                > KEPT * search.weighing.gains(item, others)[1]):
             model = tuple(told if other is item else other for other in model)
             changed.append((item, told))
     return model, changed
