@@ -6,7 +6,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from searches import BELT, COGGING, EVERY, LOADED, cause, names, search_of
+from hidden.motions import draw_motion
+from planned import evidence_of, log_of, state_of_motion
+from scipy.signal import lfilter
+from searches import BELT, COGGING, EVERY, LOADED, MODEL, cause, names, search_of, search_on
 
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.search.causes import named_of, unnamed_of
@@ -14,6 +17,7 @@ from par4_identification.diagnosis.search.rules import OF_AXIS, OF_PAR4
 from par4_identification.diagnosis.verdict import constancy, sure
 from par4_identification.diagnosis.verdict.constancy import followed_by
 from par4_identification.diagnosis.verdict.sure import without_replaceable_names
+from robots import REFERENCE
 
 
 def jumped(state):
@@ -62,6 +66,34 @@ def test_what_is_no_constant_torque_is_something_else(monkeypatch):
 def test_a_spring_has_one_stiffness_in_all_of_the_workspace(beside, what):
     search = search_of(library=('cable_spring',), beside=beside)
     assert followed_by(search, cause('cable_spring'), ()) == what
+
+
+def churned(state):
+    """Return the torque of a slanted seal on joint 0, N m, whose grease thickens as it is churned.
+
+    What it was churned by is forgotten within half a second.
+    """
+    kept = np.exp(-(state.t[1] - state.t[0]) / 0.5)
+    stirred = lfilter([1.0 - kept], [1.0, -kept], np.abs(state.qd[:, 0]))
+    torque = np.zeros_like(state.q)
+    torque[:, 0] = 0.6 * (1.0 + 2.0 * stirred)
+    return torque
+
+
+def slow_then_fast(seed, duration, beside):
+    """Return evidence of a motion that begins slowly and ends fast."""
+    motion = draw_motion('slow then fast', REFERENCE, duration, seed)
+    state = state_of_motion(REFERENCE, motion)
+    torque = MODEL.torque(state) + beside(state)
+    return evidence_of(log_of(REFERENCE, motion.t, motion.q, torque, seed), REFERENCE, MODEL)
+
+
+@pytest.mark.parametrize(('beside', 'what'), [
+    (churned, None), (lambda state: 4.0 * jumped(state)[:, ::-1], 'time')])
+def test_what_follows_how_lively_the_motion_is_does_not_follow_time(beside, what):
+    search = search_on(slow_then_fast(31, 14.0, beside), slow_then_fast(32, 10.0, beside),
+                       ('torque_offset',))
+    assert followed_by(search, cause('torque_offset', (0,)), ()) == what
 
 
 def attracted(state):

@@ -3,7 +3,10 @@
 The size of a cause, such as a stiffness or a coefficient of friction, is the same at all times and
 speeds and in all places. Where it follows one of these, something else only resembles the name: a
 cable that jumped is no constant torque, and a hose that is slack in half of the workspace is no
-spring. A law is never quite that of a machine, so its torque may follow them a little.
+spring. A law is never quite that of a machine, so its torque may follow them a little. What a law
+gets wrong is another share of it in slow stretches than in lively ones. So a size may follow how
+lively the motion is, and what follows it less than that counts beside it: else a motion that begins
+slowly and ends fast makes every law that is a little wrong seem to change with time.
 """
 
 from __future__ import annotations
@@ -11,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import scipy
 
 from par4_identification.diagnosis.evidence.evidence import Evidence
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
@@ -19,6 +23,9 @@ from par4_identification.diagnosis.search.causes import Hypotheses
 from par4_identification.diagnosis.search.rules import OF_PAR4
 from par4_identification.diagnosis.search.search import Search
 from par4_identification.signals.run import Run
+
+STRETCH = 1.0
+"""s of motion over which it is more or less lively."""
 
 Follows = Callable[[Run], np.ndarray]
 """What a size may follow, at the rows of a run, (m, J)."""
@@ -58,24 +65,45 @@ def followed_by(search: Search, cause: Hypothesis, others: Hypotheses) -> str | 
     return most if shares[most] > share else None
 
 
+def _liveliness(run: Run) -> np.ndarray:
+    """Return the rms of each joint's speed around each row, (m, J); zero of plateaus."""
+    if run.conditioning.steady:
+        return np.zeros_like(run.q)
+    length = max(1, round(STRETCH / run.row_time))
+    squares = scipy.ndimage.uniform_filter1d(run.speed ** 2, length, axis=0, mode='nearest')
+    return np.sqrt(np.maximum(squares, 0.0))
+
+
 def _shares(evidence: Evidence, cause: Hypothesis, others: Hypotheses, enough: float
             ) -> dict[str, float]:
     """Return what sizes that follow something explain more, over what they explain with the cause.
 
-    It is zero where they explain no more than `enough` log-likelihood more, if what is left were
-    noise: where a model leaves more than that, columns explain some of it by chance.
+    Where a size that follows how lively the motion is explains more than they, it is what they
+    explain beside that. It is zero where they explain no more than `enough` log-likelihood more, if
+    what is left were noise: where a model leaves more than that, columns explain some of it by
+    chance.
     """
     observations = evidence.observations
     without, beside = Projection(evidence, others), Projection(evidence, (*others, cause))
     own, torque = 0.5 * (without.squares - beside.squares), evidence.columns(cause)
     noise = max(1.0, beside.squares / max(evidence.rows, 1))
-    shares = {}
-    for name, factor in {**FACTORS, **({} if observations.of_axis else OF_PLATFORM)}.items():
+
+    def following(factor: Follows) -> np.ndarray:
         values = [factor(run) for run in observations.runs]
         rows = np.concatenate([part[:, joint] for joint in range(observations.joints)
                                for part in values])
-        columns = beside.rest(torque * rows[:, None])
+        return beside.rest(torque * rows[:, None])
+
+    def gain(columns: np.ndarray) -> float:
         moment = columns.T @ beside.residual
-        more = 0.5 * float(moment @ np.linalg.lstsq(columns.T @ columns, moment, rcond=1e-9)[0])
+        return 0.5 * float(moment @ np.linalg.lstsq(columns.T @ columns, moment, rcond=1e-9)[0])
+
+    lively = following(_liveliness)
+    of_lively, shares = gain(lively), {}
+    for name, factor in {**FACTORS, **({} if observations.of_axis else OF_PLATFORM)}.items():
+        columns = following(factor)
+        more = gain(columns)
+        if more < of_lively:
+            more = gain(np.hstack((lively, columns))) - of_lively
         shares[name] = more / (own + more) if more > enough * noise else 0.0
     return shares
