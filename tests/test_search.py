@@ -741,3 +741,23 @@ def test_a_share_that_is_the_same_on_all_joints_is_told_once(found, told, monkey
     search = search_of(library=('presliding',))
     reason = search.belief.objection(cause('presliding', distance=5e-3), ())
     assert reason == f'its torque comes out at {told} of what it must be'
+
+
+def bound(state):
+    """Return the torque of a hose that turns the platform back to theta = 0."""
+    moment = np.zeros_like(state.platform.x)
+    moment[:, 3] = 0.2 * state.platform.x[:, 3]
+    return -state.torque_of_force(moment)
+
+
+@pytest.mark.parametrize(('by_error', 'found'), [(0.0, 'wrench'), (1e6, 'theta_friction')])
+def test_a_function_takes_the_place_of_a_law_for_more_than_the_model_gets_wrong(
+        monkeypatch, by_error, found):
+    """A force that follows place and speed has all of the law in it."""
+    search = search_of(('theta_friction', {'coulomb': 0.45, 'viscous': 0.03}), beside=bound,
+                       library=('theta_friction',))
+    weighing = type(search.weighing)
+    known = weighing.requirement
+    monkeypatch.setattr(weighing, 'requirement', lambda *asked: replace(
+        known(*asked), by_error=by_error))
+    assert names(search.run())[0] == found

@@ -145,15 +145,21 @@ class Search:
     def _gives_names_away(self, trial: Hypotheses, model: Hypotheses) -> bool:
         """Return whether a trial lost names to an unnamed cause that does little more than they.
 
-        An unnamed function of the speed contains the columns of every law of the speed, so that
-        beside it no law explains anything of its own. It takes their place only if it explains
+        A force that follows the pose contains the columns of every law of the pose, so that beside
+        it no law explains anything of its own. On a Par4 it takes their place only if it explains
+        more by what the model may get wrong of its torques. So does a function of the speed, which
+        contains every law of the speed: on an axis it takes their place only if it explains
         `Rules.better` more than they do, and if none of them alone explains what it does, but for
         the share of it that may be wrong.
         """
         lost = [item for item in named_of(model) if item.effect.name not in names_of(trial)]
         new = [item for item in unnamed_of(trial) if item.effect.name not in names_of(model)]
-        if not (self.rules.better and lost and new
-                and all(item.effect.told_by_speeds for item in (*lost, *new))):
+        if not (lost and new):
+            return False
+        if not self.rules.better:
+            return (self._loss(model) - self._loss(trial)
+                    < self.weighing.requirement(model).by_error)
+        if not all(item.effect.told_by_speeds for item in (*lost, *new)):
             return False
         before, after = self.pool.fit(model).heldout_squares, self.pool.fit(trial).heldout_squares
         if 0.5 * (before - after) < self.rules.better:
