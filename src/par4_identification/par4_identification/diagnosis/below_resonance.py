@@ -28,6 +28,9 @@ IN_BAND = 2.0
 the rows."""
 MOST_DAMPING = 2.0 * DAMPING_RATIO
 """Of transmissions; what is told beyond it may hide what counts make of a swing."""
+NEARLY_ALL = 0.05
+"""Share of the squares that the first diagnosis leaves up to which the second leaves next to none.
+"""
 
 
 def resonance(swings: Sequence[Swing | None], observations: Observations) -> float | None:
@@ -66,17 +69,20 @@ def is_better(second: Diagnosis, first: Diagnosis, machine: Robot | Axis) -> boo
 
     It has to leave less of its held-out rows than the first would. Loads that swing in it must be
     named and damp as those of machines may. Where the first has not named them, they must leave
-    nothing, as loads that bounce in a gap would; else no more causes without a name than the first.
+    nothing, as loads that bounce in a gap would, or next to nothing and no cause without a name;
+    else no more causes without a name than the first.
     If the first has found nothing, it is enough that springs come nearest to a cause: then neither
     has one that would leave less.
     """
     before, after = (_springs_of(answer.causes) for answer in (first, second))
+    left = _share_left(second, first, machine)
     told = second.swing_hz is None or (
         any(_may_be_usual(cause) for cause in after)
         and (second.verdict == 'explained'
-             or bool(before and len(second.unnamed) <= len(first.unnamed))))
+             or bool(before and len(second.unnamed) <= len(first.unnamed))
+             or (left < NEARLY_ALL and not second.unnamed)))
     nearly = first.verdict == 'clean' and isinstance(second.remaining.nearest, ElasticTransmission)
-    return nearly or (told and _explains_more(second, first, machine))
+    return nearly or (told and left < 1.0)
 
 
 def _springs_of(causes: Sequence[Cause]) -> list[Cause]:
@@ -90,8 +96,9 @@ def _may_be_usual(springs: Cause) -> bool:
     return damping.number - EITHER_SIDE * damping.deviation <= MOST_DAMPING
 
 
-def _explains_more(second: Diagnosis, first: Diagnosis, machine: Robot | Axis) -> bool:
+def _share_left(second: Diagnosis, first: Diagnosis, machine: Robot | Axis) -> float:
+    """Return what the second leaves of its held-out rows over what the first does, in squares."""
     model = torque_model(machine, first.extended_model, first.effects)
     left = np.concatenate([(run.tau - run.rows(model.torque(run.state)))[run.valid]
                            for run in second.holdout.runs])
-    return bool(np.mean(second.holdout.extended_rms ** 2) < np.mean(left ** 2))
+    return float(np.mean(second.holdout.extended_rms ** 2) / np.mean(left ** 2))
