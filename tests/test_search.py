@@ -743,21 +743,25 @@ def test_a_share_that_is_the_same_on_all_joints_is_told_once(found, told, monkey
     assert reason == f'its torque comes out at {told} of what it must be'
 
 
-def bound(state):
-    """Return the torque of a hose that turns the platform back to theta = 0."""
-    moment = np.zeros_like(state.platform.x)
-    moment[:, 3] = 0.2 * state.platform.x[:, 3]
-    return -state.torque_of_force(moment)
+def bound(stiffness):
+    """Return the torque of a hose that turns the platform back to theta = 0, N m/rad."""
+
+    def torque(state):
+        moment = np.zeros_like(state.platform.x)
+        moment[:, 3] = stiffness * state.platform.x[:, 3]
+        return -state.torque_of_force(moment)
+
+    return torque
 
 
-@pytest.mark.parametrize(('by_error', 'found'), [(0.0, 'wrench'), (1e6, 'theta_friction')])
-def test_a_function_takes_the_place_of_a_law_for_more_than_the_model_gets_wrong(
-        monkeypatch, by_error, found):
-    """A force that follows place and speed has all of the law in it."""
-    search = search_of(('theta_friction', {'coulomb': 0.45, 'viscous': 0.03}), beside=bound,
-                       library=('theta_friction',))
-    weighing = type(search.weighing)
-    known = weighing.requirement
-    monkeypatch.setattr(weighing, 'requirement', lambda *asked: replace(
-        known(*asked), by_error=by_error))
-    assert names(search.run())[0] == found
+@pytest.mark.parametrize(('stiffness', 'gives_away'), [(0.01, True), (0.3, False)])
+def test_a_wide_function_takes_the_place_of_laws_only_for_what_its_numbers_are_worth(
+        stiffness, gives_away):
+    """A force that follows place and speed has the laws of theta and of drag in it."""
+    laws = (('theta_friction', {'coulomb': 0.45, 'viscous': 0.03}),
+            ('platform_drag', {'viscous': 1.0, 'quadratic': 0.5}))
+    search = search_of(*laws, beside=bound(stiffness), library=[name for name, _ in laws])
+    search.run()  # scales the kinds of unnamed causes
+    wrench, = (Hypothesis(kind, {}, EVERY) for kind in search._kinds if kind.name == 'wrench')
+    named = tuple(cause(name) for name, _ in laws)
+    assert search._gives_names_away((wrench,), named) == gives_away

@@ -145,20 +145,21 @@ class Search:
     def _gives_names_away(self, trial: Hypotheses, model: Hypotheses) -> bool:
         """Return whether a trial lost names to an unnamed cause that does little more than they.
 
-        A force that follows the pose contains the columns of every law of the pose, so that beside
-        it no law explains anything of its own. On a Par4 it takes their place only if it explains
-        more by what the model may get wrong of its torques. So does a function of the speed, which
-        contains every law of the speed: on an axis it takes their place only if it explains
-        `Rules.better` more than they do, and if none of them alone explains what it does, but for
-        the share of it that may be wrong.
+        An unnamed function contains the columns of many laws, so that beside it none of them
+        explains anything of its own. On a Par4 it takes their place only if each of the
+        coefficients that it has more is worth `Rules.price`: a wide function contains laws by being
+        wide. On an axis a function of the speed contains every law of the speed: it takes their
+        place only if it explains `Rules.better` more than they do, and if none of them alone
+        explains what it does, but for the share of it that may be wrong.
         """
         lost = [item for item in named_of(model) if item.effect.name not in names_of(trial)]
         new = [item for item in unnamed_of(trial) if item.effect.name not in names_of(model)]
         if not (lost and new):
             return False
         if not self.rules.better:
-            return (self._loss(model) - self._loss(trial)
-                    < self.weighing.requirement(model).by_error)
+            more = sum(map(self.pool.width, trial)) - sum(map(self.pool.width, model))
+            gain = 0.5 * (sum(self.pool.fit(model).squares) - sum(self.pool.fit(trial).squares))
+            return gain < self.rules.price * more
         if not all(item.effect.told_by_speeds for item in (*lost, *new)):
             return False
         before, after = self.pool.fit(model).heldout_squares, self.pool.fit(trial).heldout_squares
