@@ -80,6 +80,13 @@ def churned(state):
     return torque
 
 
+def drifting(state):
+    """Return the torque of an amplifier on joint 0 whose offset drifts all the time, N m."""
+    torque = np.zeros_like(state.q)
+    torque[:, 0] = 0.6 + 0.1 * (state.t - state.t[0])
+    return torque
+
+
 def slow_then_fast(seed, duration, beside):
     """Return evidence of a motion that begins slowly and ends fast."""
     motion = draw_motion('slow then fast', REFERENCE, duration, seed)
@@ -89,7 +96,7 @@ def slow_then_fast(seed, duration, beside):
 
 
 @pytest.mark.parametrize(('beside', 'what'), [
-    (churned, None), (lambda state: 4.0 * jumped(state)[:, ::-1], 'time')])
+    (churned, None), (lambda state: 4.0 * jumped(state)[:, ::-1], 'time'), (drifting, 'time')])
 def test_what_follows_how_lively_the_motion_is_does_not_follow_time(beside, what):
     search = search_on(slow_then_fast(31, 14.0, beside), slow_then_fast(32, 10.0, beside),
                        ('torque_offset',))
