@@ -146,11 +146,12 @@ class Search:
         """Return whether a trial lost names to an unnamed cause that does little more than they.
 
         An unnamed function contains the columns of many laws, so that beside it none of them
-        explains anything of its own. On a Par4 it takes their place only if each of the
-        coefficients that it has more is worth `Rules.price`: a wide function contains laws by being
-        wide. On an axis a function of the speed contains every law of the speed: it takes their
-        place only if it explains `Rules.better` more than they do, and if none of them alone
-        explains what it does, but for the share of it that may be wrong.
+        explains anything of its own. By the rules of a Par4, whose `Rules.better` is zero, it takes
+        their place only if each of the coefficients that it has more is worth `Rules.price`: a wide
+        function contains laws by being wide. By those of an axis a function of the speed, which
+        contains every law of the speed, takes their place only if it explains `Rules.better` more
+        than they do, and if none of them alone explains what it does, but for the share of it that
+        may be wrong.
         """
         lost = [item for item in named_of(model) if item.effect.name not in names_of(trial)]
         new = [item for item in unnamed_of(trial) if item.effect.name not in names_of(model)]
