@@ -26,7 +26,9 @@ from searches import (
 )
 
 from par4_dynamics.effects.catalogue import CATALOGUE
+from par4_dynamics.effects.effect import EffectParameter
 from par4_dynamics.effects.geometry_error import DIMENSIONS
+from par4_dynamics.effects.torque_offset import TorqueOffset
 from par4_identification.diagnosis.evidence.estimates import effect_parameters, estimated
 from par4_identification.diagnosis.evidence.evidence import gather
 from par4_identification.diagnosis.evidence.fit import left_by, residuals, solve
@@ -50,7 +52,7 @@ from par4_identification.diagnosis.verdict.sure import without_replaceable_names
 from par4_identification.fitting.identification import identify_runs
 from par4_identification.signals.noise import ArNoise
 from par4_identification.signals.rows import runs_of_log
-from robots import REFERENCE
+from robots import REFERENCE, model_with
 
 
 def bump(state):
@@ -527,6 +529,37 @@ def test_a_weak_cause_waits_until_what_is_strong_is_known():
     early, late = (search.weighing.standing(weak, others)
                    for others in ((strong,), (strong, unseen)))
     assert early < 1.0 < late
+
+
+SMALL_WAVES = 'cogging', {**COGGING, 'amplitude': 0.1}
+
+
+class LookAlike(TorqueOffset):
+    """A law that all but is the sum of two others and of half a third one, with free waves."""
+
+    name = 'look_alike'
+    phrase = 'law that looks like others'
+    parameters = tuple(EffectParameter(f'size_{number}', '1', 'platform') for number in range(14))
+    shared = True
+
+    def columns(self, state, _shape):
+        both = model_with(model_with(MODEL, LOADED[0], **LOADED[1]), SMALL_WAVES[0],
+                          **SMALL_WAVES[1])
+        waves = np.sin((40.0 + np.arange(14)) * state.q[..., None])
+        waves[..., 0] *= 0.2
+        waves[..., 0] += both.torque(state) - MODEL.torque(state) + 0.1 * np.array(STRONG)
+        return waves
+
+
+def test_several_names_take_the_place_of_one_that_looks_like_them(monkeypatch):
+    """It explains more than any of them, goes first and leaves them nothing; none does as well."""
+    monkeypatch.setitem(CATALOGUE, LookAlike.name, LookAlike())
+    true = {'torque_offset', LOADED[0], SMALL_WAVES[0]}
+    search = search_of(('torque_offset', {'offset': 0.2 * np.array(STRONG)}), LOADED, SMALL_WAVES,
+                       library=(LookAlike.name, *true))
+    assert set(names(search.run())) == true
+    monkeypatch.setattr(search, '_with_several_instead', lambda *_: None)
+    assert set(names(search.run())) == {LookAlike.name, 'torque_offset'}
 
 
 def test_a_pool_that_begins_anew_fits_as_before():

@@ -102,6 +102,31 @@ def test_a_name_told_as_nothing_falls_where_its_twin_explains_more(
     assert [own.effect.name for own in told] == (['torque_offset'] if holds else [])
 
 
+@pytest.mark.parametrize(('margin', 'wide', 'beside', 'holds'), [
+    (-1.0, 0.7, 1.0, True),  # how large it is depends on a weak cause, not whether it is one
+    (-1.0, 0.7, 0.001, False), (1.0, 0.7, 0.001, True),
+    (7.0, 3.0, 1.0, False), (9.0, 3.0, 1.0, True)])  # it is told as nothing
+def test_a_name_that_may_be_zero_beside_a_weak_cause_falls_if_that_leaves_it_nothing(
+        margin, wide, beside, holds, monkeypatch):
+    search = search_of(('torque_offset', {'offset': (0.1, 0.0, 0.0, 0.0)}),
+                       library=('torque_offset',))
+    weak, gains = cause('external_force'), search.weighing.gains
+    monkeypatch.setattr(settled, 'weak_causes', lambda *_: [weak])
+    monkeypatch.setattr(settled, 'judge', lambda *of: replace(
+        judge(*of), margin=margin, rival='an unnamed function', twins=()))
+    monkeypatch.setattr(search.weighing, 'gains', lambda item, others: tuple(
+        (beside if weak in others else 1.0) * gain for gain in gains(item, others)))
+
+    def widely(_, own, __, ___, some):
+        offset = own.parameters['offset']
+        return own if not some else replace(own, parameters={'offset': offset.model_copy(
+            update={'std': [wide * abs(value) for value in offset.value]})})
+
+    monkeypatch.setattr(settled, 'widened', widely)
+    told = settle(search, search.run(), FLOOR).causes
+    assert [own.effect.name for own in told] == (['torque_offset'] if holds else [])
+
+
 def offset_beside_friction():
     """Return a search that found an offset beside friction that has no name, and what it found."""
     search = search_of(('torque_offset', {'offset': (0.1, 0.0, 0.0, 0.0)}),

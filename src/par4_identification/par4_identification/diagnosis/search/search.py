@@ -33,6 +33,8 @@ from par4_identification.diagnosis.search.simplicity import (
 )
 from par4_identification.diagnosis.search.weighing import Weighing
 
+SHARED = 0.5
+"""Share of what a name explains alone below which the other causes explain most of that, too."""
 LEFT_BY_FILTERS = 0.25
 """Share of what is left that a kind must explain if filters leave some of it in every record."""
 
@@ -109,7 +111,8 @@ class Search:
         refused: set[str] = set()
         while True:
             grown = self._with_a_name(model, refused) or self._with_unnamed(model, refused)
-            step = grown or self._with_a_swap(model, visited)
+            step = (grown or self._with_a_swap(model, visited)
+                    or self._with_several_instead(model, visited))
             if step is None:
                 return model
             trial = self.tested(step)
@@ -158,7 +161,7 @@ class Search:
         if not (lost and new):
             return False
         if not self.rules.better:
-            more = sum(map(self.pool.width, trial)) - sum(map(self.pool.width, model))
+            more = self._width(trial) - self._width(model)
             gain = 0.5 * (sum(self.pool.fit(model).squares) - sum(self.pool.fit(trial).squares))
             return gain < self.rules.price * more
         if not all(item.effect.told_by_speeds for item in (*lost, *new)):
@@ -343,6 +346,45 @@ class Search:
                     return swapped
         return self._with_unnamed_instead(model, visited)
 
+    def _with_several_instead(self, model: Hypotheses, visited: set[frozenset[str]]
+                              ) -> Hypotheses | None:
+        """Return a model in which several names do decidedly better in the place of one.
+
+        The name that explains most is taken first, and may explain what several others make up.
+        Beside it each of them has little left to explain, and none does better in its place. Once
+        the others are known, such a name explains little of what it does alone.
+        """
+        inflation = self.weighing.requirement(model).inflation
+        width, squares = self._width(model), sum(self.pool.fit(model).squares)
+        for item in named_of(model):
+            others = others_of(model, item)
+            if self.weighing.gains(item, others)[0] > SHARED * self.weighing.gains(item, ())[0]:
+                continue
+            trial = self._grown(others, item, width)
+            gain = 0.5 * (squares - sum(self.pool.fit(trial).squares)) / inflation
+            fewer = width - self._width(trial)
+            if gain + self.rules.price * fewer > self.rules.twin and (
+                    names_of(trial) not in visited):
+                return trial
+        return None
+
+    def _grown(self, model: Hypotheses, without: Hypothesis, most: int) -> Hypotheses:
+        """Return a model with the names that are found beside it, but for a given one.
+
+        It has at most so many coefficients, unless it has more to begin with.
+        """
+        without_it = {without.effect.name}
+        model, refused = self.tested(model), set(without_it)
+        while (step := self._with_a_name(model, refused)) is not None:
+            trial = self.tested(step)
+            if len(trial) <= len(model) or self._width(trial) > most:
+                break
+            model, refused = trial, set(without_it)
+        return model
+
+    def _width(self, model: Hypotheses) -> int:
+        return sum(map(self.pool.width, model))
+
     def _loss(self, model: Hypotheses) -> float:
         """Return what a model leaves of all rows, in log-likelihood, and what it gains by chance.
 
@@ -350,7 +392,7 @@ class Search:
         not; a function that is right there, too, need not know what lies beyond.
         """
         return (0.5 * sum(self.pool.fit(model).squares)
-                + BY_CHANCE * sum(map(self.pool.width, model)))
+                + BY_CHANCE * self._width(model))
 
     def _with_unnamed_instead(self, model: Hypotheses, visited: set[frozenset[str]]
                               ) -> Hypotheses | None:

@@ -86,9 +86,9 @@ class Doubted:
         plain: they take its joints and its law for right.
         by_any_law: it may act on other joints, with other parts and by another law; `plain` for a
             name that is something by itself beside unnamed causes.
-        beside_weak: it may act on other joints, but for such a name, and weak causes beside it, see
-            `weak_causes`.
-        told: all of these.
+        beside_weak: it may act on other joints, but for such a name, and beside it those weak
+            causes (`weak_causes`) that leave it next to nothing to explain.
+        told: all of these, and all weak causes.
         coefficients: by which the values are told, (K, J).
     """
 
@@ -159,11 +159,21 @@ def _doubted(search: Search, item: Hypothesis, cause: Cause, fit: Fit, model: Hy
         cause.parameters, search.pool.evidence, item, beside, corrected))
     by_any_law = replace(on_any_joints, parameters=with_doubt_of_law(
         on_any_joints.parameters, search, item, beside, errors[0]))
+    replacing = [other for other in weak if not _stands_beside(search, item, model, other)]
     return Doubted(
         cause, cause if by_itself else by_any_law,
-        widened(search, cause if by_itself else on_any_joints, item, beside, weak),
+        widened(search, cause if by_itself else on_any_joints, item, beside, replacing),
         widened(search, by_any_law, item, beside, weak),
         fit.coefficients[beside.index(item)])
+
+
+def _stands_beside(search: Search, item: Hypothesis, model: Hypotheses, weak: Hypothesis) -> bool:
+    """Return whether a name of a model explains more than chance does with a weak cause beside it.
+
+    Then that cause changes how large the name is, however much, not whether it is one.
+    """
+    fit_gain, gain = search.weighing.gains(item, (*others_of(model, item), weak))
+    return fit_gain > search.rules.evidence and gain > search.rules.margin
 
 
 def _is_by_itself(search: Search, item: Hypothesis, cause: Cause, model: Hypotheses) -> bool:
@@ -195,10 +205,10 @@ def _without_nothing(search: Search, model: Hypotheses, named: tuple[Hypothesis,
                                   'no machine has any')
             return search.with_nameless(others_of(model, item))
     for item, own in reversed(list(zip(named, values))):
-        cause = own.beside_weak
-        outdone = own.told.is_nothing and -own.told.margin > search.rules.twin
-        if outdone or (cause.margin <= 0.0 and cause.rival not in cause.twins
-                       and cause.may_be_zero):
+        cause, least = own.told, search.rules.margin if own.told.is_nothing else 0.0
+        outdone = cause.is_nothing and -cause.margin > search.rules.twin
+        if outdone or (cause.margin <= least and cause.rival not in cause.twins
+                       and (cause.is_nothing or own.beside_weak.may_be_zero)):
             search.journal.reject(item, f'all its values may be zero, and on rows held out '
                                   f'{cause.rival or "no cause at all"} explains as much')
             return search.with_nameless(others_of(model, item))
