@@ -187,6 +187,28 @@ def test_orders_of_the_machine_are_those_of_the_model(name, size, scale):
     assert_alike(found, expected, where, 0.01)
 
 
+FORCES = {'external_force': {'x': 20.0, 'y': -30.0, 'z': 40.0},
+          'cable_spring': {'stiffness': (30.0, 60.0, 40.0), 'anchor': (0.5, 0.4, -0.2)},
+          'platform_drag': {'viscous': 15.0, 'quadratic': 8.0},
+          'theta_friction': {'coulomb': 0.3, 'viscous': 0.25},
+          'passive_joint_friction': {'coulomb': 0.2, 'viscous': 0.05}}
+
+
+def test_every_force_on_the_platform_has_an_example():
+    assert set(FORCES) == {name for name, effect in CATALOGUE.items() if effect.is_force}
+
+
+@pytest.mark.parametrize('name', FORCES)
+def test_joints_carry_forces_on_the_platform_with_friction(name):
+    friction = entry('load_dependent_friction', coefficient=(0.08, 0.1, 0.06, 0.09))
+    model = model_of(friction, entry(name, **FORCES[name]))
+    _, state, found, where = recorded(model)
+    of_load, of_force = (active.torque(state) for active in model.effects)
+    unloaded = replace(state, nominal=model_of(friction).nominal(state))
+    assert rms(of_load - model.effects[0].torque(unloaded), where) > 0.02
+    assert_alike(found - of_force, of_load, where, 0.01)
+
+
 @pytest.mark.parametrize(('name', 'values', 'slow', 'base', 'least'), [
     # elasticity shows where torque changes fast, and is of first order where it is stiff
     ('elastic_transmission', {'stiffness': (6e4, 5e4, 8e4, 7e4)}, 1.0, {}, 0.015),

@@ -38,10 +38,11 @@ class Nominal:
     Attributes:
         torque: of the model without effects, (n, J) N m. A gain that scaled that of an effect, too,
             could stand in the place of the effect, with base values that shrink.
-        load: the torque that the joints carry behind their friction, (n, J) N m: of all bodies,
-            those among the effects included (`Effect.is_body`).
+        load: the torque that the joints carry behind their friction, (n, J) N m: of all bodies and
+            of forces on the platform, those among the effects (`Effect.is_body`, `is_force`).
         values: base parameter name -> (J,).
-        body_torque: function of another motion; returns what `load` is of this one, (n, J) N m.
+        body_torque: function of another motion; returns the torque of its bodies, (n, J) N m, which
+            is `load` without the forces.
         angle_torque: function of another motion; returns the torque of the effects that are bound
             to where each joint is (`Effect.of_angle`), (n, J) N m.
         added: torque of the effects whose torque does not depend on the nominal one, (n, J) N m.

@@ -37,6 +37,7 @@ class CableSpring(Effect):
                   EffectParameter('anchor', 'm', 'machine', size=3, qualifies=True))
     shared = True
     needs_platform = True
+    is_force = True
     variables = 3
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:

@@ -128,6 +128,8 @@ class Effect(ABC):
         needs_nominal: whether its columns need `State.nominal`.
         is_body: whether its torque is that of masses, so that it is part of the load that others
             shift, or carry with friction or on springs.
+        is_force: whether its torque is that of a force on the platform, so that it is part of the
+            load that others carry with friction or on springs.
         of_angle: whether its torque is bound to where a joint is, like teeth, so that it moves with
             the zero of the encoder.
         fixed_coefficients: whether the coefficients are 1 on any machine that has it, so that only
@@ -168,6 +170,7 @@ class Effect(ABC):
     needs_turning: ClassVar[bool] = False
     needs_nominal: ClassVar[bool] = False
     is_body: ClassVar[bool] = False
+    is_force: ClassVar[bool] = False
     of_angle: ClassVar[bool] = False
     fixed_coefficients: ClassVar[bool] = False
     fixed_range: ClassVar[tuple[float, float]] = (0.5, 1.5)

@@ -27,6 +27,7 @@ class ExternalForce(Effect):
     parameters = tuple(EffectParameter(axis, 'N', 'machine', default=0.0) for axis in 'xyz')
     shared = True
     needs_platform = True
+    is_force = True
     variables = 0
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:

@@ -32,6 +32,7 @@ class PassiveJointFriction(Effect):
     shared = True
     separable = ((0,), (1,))
     needs_platform = True
+    is_force = True
     variables = 9
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:

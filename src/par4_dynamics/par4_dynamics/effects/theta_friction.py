@@ -31,6 +31,7 @@ class ThetaFriction(Effect):
     shared = True
     separable = ((0,), (1,))
     needs_platform = True
+    is_force = True
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         unit = state.torque_of_force((0.0, 0.0, 0.0, 1.0))
