@@ -31,7 +31,9 @@ class BaseTilt(Effect):
 
     name = 'base_tilt'
     phrase = 'a tilted base'
-    parameters = (EffectParameter('about_x', 'rad', 'machine', default=0.0),
+    parameters = (EffectParameter('about_x', 'rad', 'machine', default=0.0,
+                                  meaning='turned about x of `base` by a, then about its y by b, '
+                                          'gravity in it is g (b, -a, -1)'),
                   EffectParameter('about_y', 'rad', 'machine', default=0.0))
     shared = True
     needs_platform = True

@@ -70,7 +70,9 @@ class ElasticTransmission(Effect):
         EffectParameter('stiffness', 'N m/rad', 'joint', nonnegative=True),  # 0 is a rigid joint
         EffectParameter('damping_ratio', '1', 'machine', default=DAMPING_RATIO, is_shape=True,
                         meaning='how soon the load stops swinging on its spring: 0 is never, 1 is '
-                                'without a swing, at 0.05 each swing is 0.73 of the one before'),
+                                'without a swing, at 0.05 each swing is 0.73 of the one before, '
+                                'where the two parts of the actuator inertia, motor and arm, swing '
+                                'against each other'),
         EffectParameter('motor_share', '1', 'machine', default=MOTOR_SHARE, is_shape=True,
                         meaning='part of the actuator inertia on the side of motor and encoder; '
                                 'the rest of it swings with the load'))

@@ -32,7 +32,8 @@ class FrictionDrift(Effect):
 
     name = 'friction_drift'
     phrase = 'friction that changes while the machine warms up'
-    parameters = (EffectParameter('drop', '1', 'machine'),
+    parameters = (EffectParameter('drop', '1', 'machine',
+                                  meaning='t counts from the first stamp of each log'),
                   EffectParameter('viscous_drop', '1', 'machine', default='drop'),
                   EffectParameter('time_constant', 's', 'machine', is_shape=True, positive=True))
     shared = True

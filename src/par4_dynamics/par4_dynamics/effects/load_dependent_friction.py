@@ -23,7 +23,10 @@ class LoadDependentFriction(Effect):
 
     name = 'load_dependent_friction'
     phrase = 'friction that grows with the load'
-    parameters = (EffectParameter('coefficient', '1', 'joint'),)
+    parameters = (EffectParameter(
+        'coefficient', '1', 'joint',
+        meaning='of the torque of all bodies, the actuator among them, and of forces on the '
+                'platform'),)
     needs_nominal = True
     variables = 2
 

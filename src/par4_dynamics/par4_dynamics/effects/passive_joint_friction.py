@@ -26,7 +26,9 @@ class PassiveJointFriction(Effect):
 
     name = 'passive_joint_friction'
     phrase = 'friction in the passive joints'
-    parameters = (EffectParameter('coulomb', 'N m', 'machine', default=0.0, nonnegative=True),
+    parameters = (EffectParameter('coulomb', 'N m', 'machine', default=0.0, nonnegative=True,
+                                  meaning='of each of the 20: a ball at both ends of 8 rods, 4 '
+                                          'pivots of the two bars'),
                   EffectParameter('viscous', 'N m s/rad', 'machine', default=0.0,
                                   nonnegative=True))
     shared = True

@@ -89,7 +89,9 @@ class Presliding(Effect):
 
     name = 'presliding'
     phrase = 'elastic presliding before friction breaks away'
-    parameters = (EffectParameter('distance', 'rad', 'machine', is_shape=True, positive=True),)
+    parameters = (EffectParameter(
+        'distance', 'rad', 'machine', is_shape=True, positive=True,
+        meaning='D of dz/dq = (1 - z sign(qd)) / D, with z = 0 at the first stamp'),)
     needs_nominal = True
     fixed_coefficients = True
     variables = 2
