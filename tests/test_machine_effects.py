@@ -12,6 +12,7 @@ from dataclasses import fields, is_dataclass, replace
 import numpy as np
 import pytest
 from experiments import FIDELITIES, HOME, IDEAL, TABLE, entry, machine_of, model_of, played
+from scipy.signal import butter, sosfiltfilt
 
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.model_from_file import read_model
@@ -224,6 +225,28 @@ def test_a_load_that_is_not_where_its_motor_is(name, values, slow, base, least):
                                 axis=1) for torque in (found, model.effects[0].torque(state)))
     assert rms(expected, where) > least
     assert_alike(found, expected, where, 0.1)
+
+
+@pytest.mark.parametrize(('name', 'values'), [
+    ('theta_friction', {'coulomb': 0.12, 'viscous': 0.01}),
+    ('passive_joint_friction', {'coulomb': 0.03, 'viscous': 0.002})])
+def test_a_load_that_swings_turns_its_own_joints_with_friction(name, values):
+    """They turn otherwise than they would with motors that do not twist, and brake the swing."""
+    springs = entry('elastic_transmission', stiffness=(4e3, 4.4e3, 3.6e3, 4e3), damping_ratio=0.1)
+    model = model_of(springs, entry(name, **values), coulomb_friction=0.0)
+    _, state, found, where = recorded(model)
+    in_band = butter(4, 40.0, fs=1000.0, output='sos')
+    where = np.zeros_like(where)
+    where[300:-200] = True
+
+    def left(state):
+        expected = sum(active.torque(state) for active in model.effects)
+        return rms(sosfiltfilt(in_band, found - expected, axis=0), where)
+
+    swing = sosfiltfilt(in_band, found - model.effects[1].torque(state), axis=0)
+    assert left(state) < 0.06 * rms(swing, where)
+    blind = replace(state, nominal=replace(state.nominal, slips=lambda _: None))
+    assert left(blind) > 8.0 * left(state)
 
 
 def test_a_saturated_machine_gets_no_more_than_its_limit():

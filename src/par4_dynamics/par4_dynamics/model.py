@@ -18,6 +18,7 @@ from par4_dynamics.base_terms import (
     values_of_bodies,
 )
 from par4_dynamics.effects.effect import Effect
+from par4_dynamics.load_friction import LoadFriction, together
 from par4_dynamics.mechanism import LumpedBodies
 from par4_dynamics.model_file import RigidBody
 from par4_dynamics.rigid_body import (
@@ -103,6 +104,12 @@ class Model:
             (active.torque(state) for active in self.effects if active.effect.is_force),
             np.zeros_like(state.q))
 
+    def slips(self, state: State) -> LoadFriction | None:
+        """Return the friction of joints that turn with the load, None if there is none."""
+        found = [own for own in (active.effect.slips(state, active.values)
+                                 for active in self.effects) if own is not None]
+        return together(found) if found else None
+
     def angle_torque(self, state: State) -> np.ndarray:
         """Return the torque of the effects that are bound to where each joint is, (n, J) N m.
 
@@ -128,7 +135,7 @@ class Model:
                     if not active.effect.needs_nominal)
         nominal = Nominal(torque_of_values(state, self._linear), self.carried_torque(state),
                           self.values, self.body_torque,
-                          (bound or self).angle_torque, added)
+                          (bound or self).angle_torque, added, self.slips)
         read = state.with_nominal(nominal)
         try:
             halfway = self._half_the_way(read)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from par4_dynamics.direction import mean_signs
+from par4_dynamics.load_friction import LoadFriction
 from par4_kinematics.acceleration import (
     JointMotion,
     joint_motion,
@@ -46,6 +47,8 @@ class Nominal:
         angle_torque: function of another motion; returns the torque of the effects that are bound
             to where each joint is (`Effect.of_angle`), (n, J) N m.
         added: torque of the effects whose torque does not depend on the nominal one, (n, J) N m.
+        slips: function of another motion; returns the friction of joints that turn with the load,
+            None if it has none (`Effect.slips`).
         halfway: the motion halfway between the one read and the true one, of a machine whose
             readings or dimensions are known to be wrong, see `Effect.halfway`; else None.
         true: the same all the way: the true motion, with its load.
@@ -57,6 +60,7 @@ class Nominal:
     body_torque: Callable[[State], np.ndarray]
     angle_torque: Callable[[State], np.ndarray]
     added: np.ndarray | float = 0.0
+    slips: Callable[[State], LoadFriction | None] = lambda _: None
     halfway: State | None = None
     true: State | None = None
 

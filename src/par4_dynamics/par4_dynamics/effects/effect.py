@@ -10,6 +10,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from par4_dynamics.load_friction import LoadFriction
 from par4_dynamics.state import State
 
 Shape = Mapping[str, float | tuple[float, ...]]
@@ -334,6 +335,10 @@ class Effect(ABC):
                 them only where exact values are refused.
             base: base parameters (J,) that were fitted together with the values.
         """
+
+    def slips(self, state: State, values: Values) -> LoadFriction | None:
+        """Return the friction of joints that turn with the load, None if it is none of these."""
+        return None
 
     def is_unsure(self, state: State) -> np.ndarray:
         """Return where the law does not tell the torque of a machine that has the effect, (n,).

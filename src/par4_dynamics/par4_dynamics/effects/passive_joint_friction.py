@@ -7,8 +7,14 @@ import numpy as np
 from par4_dynamics.effects.effect import Base, Effect, EffectParameter, Shape, Signature, Values
 from par4_dynamics.effects.passive_rotation import unlike_friction
 from par4_dynamics.effects.rest import RESTING_RATE
+from par4_dynamics.load_friction import LoadFriction
 from par4_dynamics.state import State
-from par4_kinematics.passive import passive_friction_force, passive_rates
+from par4_kinematics.passive import (
+    BALLS_PER_GROUP,
+    BAR_PIVOTS,
+    passive_friction_force,
+    passive_rates,
+)
 
 TYPICAL_RATE = 3.0
 """rad/s of a rod."""
@@ -44,6 +50,15 @@ class PassiveJointFriction(Effect):
             state.torque_of_force(
                 passive_friction_force(geometry, x, rates, *unit, slip_rate=RESTING_RATE))
             for unit in ((1.0, 0.0), (0.0, 1.0))], axis=-1)
+
+    def slips(self, state: State, values: Values) -> LoadFriction:
+        geometry, x, *_ = state.platform
+        by_pose = np.stack([passive_rates(geometry, x, np.broadcast_to(unit, x.shape))
+                            for unit in np.eye(4)], axis=-1)
+        turning = np.einsum('ngac,ncj->ngaj', by_pose, state.jacobian)
+        numbers = np.append(np.full(8, BALLS_PER_GROUP), BAR_PIVOTS)
+        return LoadFriction(turning, numbers * values['coulomb'][0],
+                            numbers * values['viscous'][0])
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         return unlike_friction(values, std, TYPICAL_RATE, LARGEST, 'a passive joint',

@@ -6,18 +6,26 @@ the motion itself with another right side, so that one pass gives them all.
 
 from __future__ import annotations
 
+import math
+
 import numba
 import numpy as np
 
+from par4_dynamics.effects.rest import RESTING_RATE
+
 
 @numba.njit(cache=True, error_model='numpy', nogil=True)
-def swing_through(load, place, by_motion, motor, soft, compliance, lag, more, h, beta, driven,
-                  stiffer, spring, change, told, slopes):
+def swing_through(load, place, by_motion, turning, slipping, friction, motor, soft, compliance,
+                  lag, more, h, beta, driven, stiffer, spring, change, told, slopes):
     """Integrate c (M sdd + C sd + K s) + c d sd + s = c T_0 by Newmark's method (1959).
 
     Its gamma is 1/2, so that nothing is damped by the steps. Only the `soft` joints (k,) twist;
     `compliance`, `lag` and `beta` (k,) are theirs. M, C and K (3, n, J, J) of a row are those of
-    its `place`, M without the inertia of the motors, `motor` (J,). These and `soft` are tuples:
+    its `place`, M without the inertia of the motors, `motor` (J,). T_0 has the friction of joints
+    that turn with the load (`LoadFriction`) as if these turned as with motors that do not twist, at
+    `slipping` (n, G, 3); `turning` (n, G, 3, J) is by how much they do by the speed of each joint,
+    `friction` (2, G) is Coulomb and viscous. A step takes it at the speed that is predicted for it,
+    as a damper that takes as much there. `motor` and `soft` are tuples:
     each number of joints is compiled by itself, its loops unrolled. Twist, speed and acceleration
     are told, (3, n, J). `slopes` (n, J, p) are those of the change of the torque by the logarithm
     of each compliance, of the damping ratio and of the motor share, with p = k + 2, or none with
@@ -35,13 +43,22 @@ def swing_through(load, place, by_motion, motor, soft, compliance, lag, more, h,
             twists[k, k] = twist[k]
             twists[count + 1, k] = -compliance[k] * driven[0, soft[k]]
     matrix, inertia = np.empty((count, count)), np.empty((joints, joints))
+    by_speed, slipped, ahead = np.empty((joints, joints)), np.zeros(joints), np.empty(count)
     for row in range(len(load)):
-        by_speed, by_twist = by_motion[1, place[row]], by_motion[2, place[row]]
+        by_twist = by_motion[2, place[row]]
+        for i in range(joints):
+            for other in range(joints):
+                by_speed[i, other] = by_motion[1, place[row], i, other]
         for i in range(joints):
             for other in range(joints):
                 inertia[i, other] = by_motion[0, place[row], i, other]
             inertia[i, i] -= motor[i]
         _predicted(soft, twist, speed, rate, h, beta)
+        if friction.shape[1] > 0:
+            for k in range(count):
+                ahead[k] = speed[k] + 0.5 * h * rate[k]
+            _slipped(turning[place[row]], slipping[place[row]], friction, soft, ahead, by_speed,
+                     slipped)
         for k in range(count):
             slow = more[row] * lag[k]
             for other in range(count):
@@ -49,13 +66,13 @@ def swing_through(load, place, by_motion, motor, soft, compliance, lag, more, h,
                     inertia[soft[k], soft[other]] + 0.5 * h * by_speed[soft[k], soft[other]]
                     + beta[other] * h * h * by_twist[soft[k], soft[other]])
             matrix[k, k] += 0.5 * h * slow + beta[k] * h * h
-            rate[k] = compliance[k] * (load[row, soft[k]] - _by_twist(
+            rate[k] = compliance[k] * (load[row, soft[k]] + slipped[soft[k]] - _by_twist(
                 by_speed[soft[k]], by_twist[soft[k]], soft, speed, twist)
                 ) - slow * speed[k] - twist[k]
         _factored(soft, matrix)
         _corrected(soft, matrix, twist, speed, rate, h, beta)
         for i in range(joints):
-            change[row, i] = -_by_rate(inertia[i], soft, rate) - _by_twist(
+            change[row, i] = slipped[i] - _by_rate(inertia[i], soft, rate) - _by_twist(
                 by_speed[i], by_twist[i], soft, speed, twist)
             spring[row, i] = load[row, i] + change[row, i]
         for k in range(count):
@@ -84,6 +101,30 @@ def swing_through(load, place, by_motion, motor, soft, compliance, lag, more, h,
         if wanted > 0:
             for k in range(count):
                 slopes[row, soft[k], count + 1] += motor[soft[k]] * rate[k]
+
+
+@numba.njit(cache=True, error_model='numpy')
+def _slipped(turning, slipping, friction, soft, speed, by_speed, slipped):
+    """Add dampers in the place of friction to `by_speed`, and to a load what that leaves of it.
+
+    `slipped` (J,) is the torque of the dampers where nothing twists less that of the friction, N m.
+    """
+    slipped[:] = 0.0
+    for g in range(friction.shape[1]):
+        size = fixed = 0.0
+        for axis in range(3):
+            w = slipping[g, axis]
+            fixed += w * w
+            for k in range(len(soft)):
+                w -= turning[g, axis, soft[k]] * speed[k]
+            size += w * w
+        damper = friction[1, g] + friction[0, g] / math.sqrt(size + RESTING_RATE ** 2)
+        more = damper - friction[1, g] - friction[0, g] / math.sqrt(fixed + RESTING_RATE ** 2)
+        for axis in range(3):
+            for i in range(len(slipped)):
+                slipped[i] += more * turning[g, axis, i] * slipping[g, axis]
+                for other in range(len(slipped)):
+                    by_speed[i, other] += damper * turning[g, axis, i] * turning[g, axis, other]
 
 
 @numba.njit(cache=True, error_model='numpy', forceinline=True)

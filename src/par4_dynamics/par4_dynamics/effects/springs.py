@@ -12,6 +12,7 @@ import numpy as np
 
 from par4_dynamics.effects.spring_steps import swing_through
 from par4_dynamics.effects.transmission import MOTOR_SHARE, motor_side, told_part
+from par4_dynamics.load_friction import none_at_all
 from par4_dynamics.state import State
 from par4_kinematics.errors import UnreachableError
 
@@ -66,7 +67,8 @@ class Springs:
     may have far within the band of its torque. There C, some percent of M times that frequency,
     damps or drives as much as the springs themselves do. What the first order misses along the
     motion of the load of a mechanism is added to T_0, and the loads swing once more: the speed of a
-    twist may be a third of the joint's, and what goes with its square looks like damping.
+    twist may be a third of the joint's, and what goes with its square looks like damping. Joints
+    that turn with the load, theta and the passive ones, do so with their friction.
 
     Args:
         state: the motion with its nominal torque.
@@ -83,6 +85,10 @@ class Springs:
             return
         self._period = (state.t[-1] - state.t[0]) / (len(state.t) - 1)
         self._by_motion = np.stack((state.torque_by_qdd, state.torque_by_qd, state.torque_by_q))
+        slips = state.known.slips(state) or none_at_all(state.joints)
+        self._turning = np.ascontiguousarray(slips.turning)
+        self._slipping = np.einsum('ngaj,nj->nga', slips.turning, state.qd[:len(slips.turning)])
+        self._friction = np.stack((slips.coulomb, slips.viscous))
         self._actuator = motor_side(state, np.ones(state.joints), 1.0)
         before = self._before = min(len(state.t) - 1, round(RUN_IN / self._period))
         self._place = np.concatenate((np.zeros(before, dtype=int), np.arange(len(state.t))))
@@ -164,10 +170,9 @@ class Springs:
         asked = drive, tuple(compliance)
         last, load = self._last
         if last != asked:
-            _, change, twist, _ = self._swung(rigid, compliance, drive)
+            motion = self._swung(rigid, compliance, drive)[2][:, self._before:]
             try:
-                load = rigid + self._exact_change(
-                    twist[:, self._before:], drive) - change[self._before:]
+                load = rigid + self._exact_change(motion, drive) - self._first_order(motion, drive)
             except UnreachableError:  # springs so soft are none that a machine has
                 load = rigid
             self._last = asked, load
@@ -183,6 +188,14 @@ class Springs:
             for part in range(every):
                 told[part::every] = steps + part / every * ahead
         return told[self._before:self._before + len(self._state.t)]
+
+    def _first_order(self, motion: np.ndarray, drive: Drive) -> np.ndarray:
+        """Return what `_exact_change` returns, to first order in the twist."""
+        twist, speed, rate = motion
+        by_rate, by_speed, by_twist = self._by_motion
+        return motor_side(self._state, rate, drive.motor_share) - sum(
+            np.einsum('nij,nj->ni', slope, change) for slope, change in (
+                (by_rate, rate), (by_speed, speed), (by_twist, twist)))
 
     def _exact_change(self, motion: np.ndarray, drive: Drive) -> np.ndarray:
         """Return the change of the load's torque (n, J), N m, where its springs twist.
@@ -235,11 +248,14 @@ class Springs:
         place, more = map(np.ascontiguousarray, (self._place[::every], self._more[::every]))
         stiffer = 0.5 * (1.0 - 2.0 * share) / (1.0 - share)
 
-        def swing(load: np.ndarray, steps: slice, driven: np.ndarray | None = None) -> Swung:
+        def swing(load: np.ndarray, steps: slice, driven: np.ndarray | None = None,
+                  slips: bool = True) -> Swung:
             spring, change = np.empty_like(load), np.empty_like(load)
             twist = np.zeros((3, *load.shape))
             slopes = np.empty((*load.shape, 0 if driven is None else len(soft) + 2))
-            swing_through(load, place[steps], self._by_motion, motors, numbers, twisting, lag,
+            swing_through(load, place[steps], self._by_motion, self._turning, self._slipping,
+                          self._friction if slips else self._friction[:, :0], motors, numbers,
+                          twisting, lag,
                           more[steps], h, beta, load if driven is None else driven, stiffer,
                           spring, change, twist, slopes)
             return spring, change, twist, slopes
@@ -255,7 +271,7 @@ class Springs:
         return speed[:self._first] > MOVING * np.sqrt(np.mean(speed ** 2, axis=0))
 
     def _swinging_at_first(self, load: np.ndarray, beyond: np.ndarray,
-                           swing: Callable[[np.ndarray, slice], Swung], every: int,
+                           swing: Callable[..., Swung], every: int,
                            soft: np.ndarray, asked: Asked) -> np.ndarray:
         """Return steps (m, J) of what rigid springs would carry, with loads that swing at first.
 
@@ -293,7 +309,7 @@ class Springs:
         begun[begin, soft] += speed
         return begun
 
-    def _free_swings(self, swing: Callable[[np.ndarray, slice], Swung], steps: slice,
+    def _free_swings(self, swing: Callable[..., Swung], steps: slice,
                      told: np.ndarray, soft: np.ndarray) -> np.ndarray:
         """Return the torques of free swings and of constants, (r, 2 k + J), N m.
 
@@ -309,7 +325,8 @@ class Springs:
         kicks = np.zeros((2, len(soft), len(told) + 1, told.shape[1]))
         for kind in range(2):
             kicks[kind, np.arange(len(soft)), kind, soft] = 1.0
-        free = [swing(kick, steps)[1][1:][told] for kick in kicks.reshape(-1, *kicks.shape[2:])]
+        free = [swing(kick, steps, slips=False)[1][1:][told]
+                for kick in kicks.reshape(-1, *kicks.shape[2:])]
         constant = np.nonzero(told)[1][:, None] == np.arange(told.shape[1])
         return np.column_stack([*free, constant.astype(float)])
 

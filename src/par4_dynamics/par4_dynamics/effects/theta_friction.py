@@ -7,6 +7,7 @@ import numpy as np
 from par4_dynamics.effects.effect import Base, Effect, EffectParameter, Shape, Signature, Values
 from par4_dynamics.effects.passive_rotation import unlike_friction
 from par4_dynamics.effects.rest import RESTING_RATE, fading_sign
+from par4_dynamics.load_friction import LoadFriction
 from par4_dynamics.state import State
 
 TYPICAL_RATE = 5.0
@@ -37,6 +38,11 @@ class ThetaFriction(Effect):
         unit = state.torque_of_force((0.0, 0.0, 0.0, 1.0))
         rate = state.platform.xd[:, 3:]
         return np.stack((unit * fading_sign(rate), unit * rate), axis=-1)
+
+    def slips(self, state: State, values: Values) -> LoadFriction:
+        turning = np.zeros((len(state.t), 1, 3, state.joints))
+        turning[:, 0, 2] = state.jacobian[:, 3]
+        return LoadFriction(turning, values['coulomb'][:1], values['viscous'][:1])
 
     def is_unsure(self, state: State) -> np.ndarray:
         return np.abs(state.platform.xd[:, 3]) < MAY_REST

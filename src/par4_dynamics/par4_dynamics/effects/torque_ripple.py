@@ -23,7 +23,7 @@ class TorqueRipple(Cogging):
     variables = 2
 
     def height(self, state: State) -> np.ndarray:
-        return state.known.torque
+        return state.known.delivered
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         return self.height(state)[..., None] * super().columns(state, shape)
