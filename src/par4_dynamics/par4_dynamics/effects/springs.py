@@ -105,10 +105,23 @@ class Springs:
 
         `compliance` is (J,), rad/(N m); infinite where it is at most zero.
         """
-        inertia = np.mean(np.diagonal(self._by_motion[0], axis1=1, axis2=2), axis=0) - (
-            drive.motor_share * self._actuator)
         with np.errstate(divide='ignore'):
-            return np.asarray(1.0 / np.sqrt(np.maximum(compliance, 0.0) * inertia) / (2.0 * np.pi))
+            return np.asarray(1.0 / np.sqrt(np.maximum(compliance, 0.0) * self._load_inertia(
+                drive)) / (2.0 * np.pi))
+
+    def damping_of_loads(self, drive: Drive) -> np.ndarray:
+        """Return the damping ratio of each load that swings against its resting motor, (J,).
+
+        The load has more inertia than the two parts of the actuator, by which a drive is damped.
+        """
+        share = drive.motor_share
+        return np.asarray(drive.damping_ratio * np.sqrt(
+            share * (1.0 - share) * self._actuator / self._load_inertia(drive)))
+
+    def _load_inertia(self, drive: Drive) -> np.ndarray:
+        """Return the inertia of each load without its motor, (J,) kg m2, mean of the motion."""
+        own = np.mean(np.diagonal(self._by_motion[0], axis1=1, axis2=2), axis=0)
+        return np.asarray(own - drive.motor_share * self._actuator)
 
     def rigid(self, drive: Drive = USUAL) -> np.ndarray:
         """Return what rigid transmissions would carry to the load, (n, J) N m, as far as told."""

@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from par4_dynamics.effects.elastic_transmission import ElasticTransmission
-from par4_dynamics.effects.springs import DAMPING_RATIO, USUAL, Springs
+from par4_dynamics.effects.springs import USUAL, Drive, Springs
 from par4_dynamics.model_from_file import torque_model
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.diagnosis.search.swing import LOWER_BAND, Swing
@@ -26,8 +26,8 @@ from par4_kinematics.robot import Axis, Robot
 IN_BAND = 2.0
 """Resonance, as it is found, over the cut-off of the torque up to which counts swing a load within
 the rows."""
-MOST_DAMPING = 2.0 * DAMPING_RATIO
-"""Of transmissions; what is told beyond it may hide what counts make of a swing."""
+MOST_DAMPING = 0.06
+"""Of loads that swing on transmissions; what is told beyond it may hide what counts make of it."""
 NEARLY_ALL = 0.05
 """Share of the squares that the first diagnosis leaves up to which the second leaves next to none.
 """
@@ -77,7 +77,7 @@ def is_better(second: Diagnosis, first: Diagnosis, machine: Robot | Axis) -> boo
     before, after = (_springs_of(answer.causes) for answer in (first, second))
     left = _share_left(second, first, machine)
     told = second.swing_hz is None or (
-        any(_may_be_usual(cause) for cause in after)
+        any(_may_be_usual(cause, second) for cause in after)
         and (second.verdict == 'explained'
              or bool(before and len(second.unnamed) <= len(first.unnamed))
              or (left < NEARLY_ALL and not second.unnamed)))
@@ -90,10 +90,13 @@ def _springs_of(causes: Sequence[Cause]) -> list[Cause]:
     return [cause for cause in causes if isinstance(cause.effect, ElasticTransmission)]
 
 
-def _may_be_usual(springs: Cause) -> bool:
-    """Return whether transmissions may damp as those of machines do, by their deviation."""
-    damping = springs.parameters['damping_ratio']
-    return damping.number - EITHER_SIDE * damping.deviation <= MOST_DAMPING
+def _may_be_usual(springs: Cause, answer: Diagnosis) -> bool:
+    """Return whether the loads of transmissions may damp as those of machines do, by the deviation.
+    """
+    damping, share = (springs.parameters[name] for name in ('damping_ratio', 'motor_share'))
+    least = damping.number - EITHER_SIDE * damping.deviation
+    loads = Springs(answer.evidence.observations.runs[0].state)
+    return float(loads.damping_of_loads(Drive(least, share.number)).mean()) <= MOST_DAMPING
 
 
 def _share_left(second: Diagnosis, first: Diagnosis, machine: Robot | Axis) -> float:
