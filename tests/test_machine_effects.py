@@ -249,6 +249,24 @@ def test_a_load_that_swings_turns_its_own_joints_with_friction(name, values):
     assert left(blind) > 8.0 * left(state)
 
 
+def test_friction_grows_with_what_springs_pass_on():
+    """That swings, and has no share of the motor's inertia in it."""
+    springs = entry('elastic_transmission', stiffness=(4e3, 4.4e3, 3.6e3, 4e3), damping_ratio=0.1)
+    model = model_of(springs, entry('load_dependent_friction', coefficient=0.08),
+                     coulomb_friction=0.0)
+    _, state, found, where = recorded(model)
+    in_band = butter(4, 40.0, fs=1000.0, output='sos')
+
+    def left(state):
+        expected = sum(active.torque(state) for active in model.effects)
+        return rms(sosfiltfilt(in_band, found - expected, axis=0), where)
+
+    friction = rms(model.effects[1].torque(state), where)
+    assert left(state) < 0.04 * friction
+    rigid = replace(state.nominal, passed=lambda state: state.known.load)
+    assert left(replace(state, nominal=rigid)) > 0.15 * friction
+
+
 def test_a_saturated_machine_gets_no_more_than_its_limit():
     """The motion that it then makes needs the limit; what is recorded is more."""
     model = model_of(entry('torque_saturation', limit=8.0))

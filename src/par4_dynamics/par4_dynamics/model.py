@@ -104,6 +104,15 @@ class Model:
             (active.torque(state) for active in self.effects if active.effect.is_force),
             np.zeros_like(state.q))
 
+    def passed_torque(self, state: State) -> np.ndarray:
+        """Return what goes on behind the friction of joints, of a motion with its nominal torque.
+
+        That is the load, or what springs pass on of it, (n, J) N m.
+        """
+        found = [own for own in (active.effect.passed(state, active.values)
+                                 for active in self.effects) if own is not None]
+        return found[0] if found else state.known.load
+
     def slips(self, state: State) -> LoadFriction | None:
         """Return the friction of joints that turn with the load, None if there is none."""
         found = [own for own in (active.effect.slips(state, active.values)
@@ -135,7 +144,7 @@ class Model:
                     if not active.effect.needs_nominal)
         nominal = Nominal(torque_of_values(state, self._linear), self.carried_torque(state),
                           self.values, self.body_torque,
-                          (bound or self).angle_torque, added, self.slips)
+                          (bound or self).angle_torque, added, self.slips, self.passed_torque)
         read = state.with_nominal(nominal)
         try:
             halfway = self._half_the_way(read)

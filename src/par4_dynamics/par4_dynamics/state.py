@@ -49,6 +49,8 @@ class Nominal:
         added: torque of the effects whose torque does not depend on the nominal one, (n, J) N m.
         slips: function of another motion; returns the friction of joints that turn with the load,
             None if it has none (`Effect.slips`).
+        passed: function of this motion; returns what goes on behind the friction of the actuated
+            joints, (n, J) N m: `load`, or what springs pass on of it while it swings.
         halfway: the motion halfway between the one read and the true one, of a machine whose
             readings or dimensions are known to be wrong, see `Effect.halfway`; else None.
         true: the same all the way: the true motion, with its load.
@@ -61,6 +63,7 @@ class Nominal:
     angle_torque: Callable[[State], np.ndarray]
     added: np.ndarray | float = 0.0
     slips: Callable[[State], LoadFriction | None] = lambda _: None
+    passed: Callable[[State], np.ndarray] = lambda state: state.known.load
     halfway: State | None = None
     true: State | None = None
 

@@ -340,6 +340,10 @@ class Effect(ABC):
         """Return the friction of joints that turn with the load, None if it is none of these."""
         return None
 
+    def passed(self, state: State, values: Values) -> np.ndarray | None:
+        """Return the torque (n, J), N m, that a transmission passes on; None if it is none."""
+        return None
+
     def is_unsure(self, state: State) -> np.ndarray:
         """Return where the law does not tell the torque of a machine that has the effect, (n,).
 

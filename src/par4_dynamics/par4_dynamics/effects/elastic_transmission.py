@@ -132,6 +132,12 @@ class ElasticTransmission(Effect):
         kept = [*map(_name, sets), *COMMON]
         return {name: value for name, value in shape.items() if name in kept}
 
+    def passed(self, state: State, values: Values) -> np.ndarray:
+        compliance = self.coefficients(values)[:, 0]
+        drive = Drive(*(float(values[name][0]) for name in COMMON))
+        spring, _ = Springs(state).torque(compliance, drive)
+        return np.where(compliance > 0.0, spring, state.known.load)
+
     def torque(self, state: State, values: Values, joints: tuple[int, ...]) -> np.ndarray:
         compliance = self.coefficients(values)[:, 0]
         drive = Drive(*(float(values[name][0]) for name in COMMON))

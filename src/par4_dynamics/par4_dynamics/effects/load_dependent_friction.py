@@ -31,7 +31,7 @@ class LoadDependentFriction(Effect):
     variables = 2
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
-        return (np.abs(state.known.load) * state.direction)[..., None]
+        return (np.abs(state.known.passed(state)) * state.direction)[..., None]
 
     def assumes(self, values: Values) -> str | None:
         return ('The whole inertia is taken to be load that the friction carries; where part of it '
