@@ -26,7 +26,7 @@ class LoadDependentFriction(Effect):
     parameters = (EffectParameter(
         'coefficient', '1', 'joint',
         meaning='of the torque of all bodies, the actuator among them, and of forces on the '
-                'platform'),)
+                'platform; of what springs pass on, where the transmission is elastic'),)
     needs_nominal = True
     variables = 2
 
