@@ -98,11 +98,10 @@ class Model:
             (active.torque(state) for active in self.effects if active.effect.is_body),
             np.zeros_like(state.q))
 
-    def carried_torque(self, state: State) -> np.ndarray:
-        """Return what the joints carry behind their friction, (n, J) N m: bodies and forces."""
-        return self.body_torque(state) + sum(
-            (active.torque(state) for active in self.effects if active.effect.is_force),
-            np.zeros_like(state.q))
+    def force_torque(self, state: State) -> np.ndarray:
+        """Return the torque of the effects that are forces on the platform, (n, J) N m."""
+        return sum((active.torque(state) for active in self.effects if active.effect.is_force),
+                   np.zeros_like(state.q))
 
     def passed_torque(self, state: State) -> np.ndarray:
         """Return what goes on behind the friction of joints, of a motion with its nominal torque.
@@ -142,9 +141,11 @@ class Model:
         """
         added = sum(active.torque(state) for active in self.effects
                     if not active.effect.needs_nominal)
-        nominal = Nominal(torque_of_values(state, self._linear), self.carried_torque(state),
+        forces = self.force_torque(state)
+        nominal = Nominal(torque_of_values(state, self._linear), self.body_torque(state) + forces,
                           self.values, self.body_torque,
-                          (bound or self).angle_torque, added, self.slips, self.passed_torque)
+                          (bound or self).angle_torque, added, forces, self.slips,
+                          self.passed_torque)
         read = state.with_nominal(nominal)
         try:
             halfway = self._half_the_way(read)
@@ -154,7 +155,7 @@ class Model:
         if halfway is read:
             return nominal
         return replace(nominal, halfway=replace(halfway, nominal=nominal), true=replace(
-            true, nominal=replace(nominal, load=self.carried_torque(true))))
+            true, nominal=replace(nominal, load=self.body_torque(true) + self.force_torque(true))))
 
     def _half_the_way(self, state: State) -> State:
         """Return the motion half of the known errors away from this one, see `Effect.halfway`."""

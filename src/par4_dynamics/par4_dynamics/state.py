@@ -47,6 +47,7 @@ class Nominal:
         angle_torque: function of another motion; returns the torque of the effects that are bound
             to where each joint is (`Effect.of_angle`), (n, J) N m.
         added: torque of the effects whose torque does not depend on the nominal one, (n, J) N m.
+        forces: that of forces on the platform alone (`Effect.is_force`), (n, J) N m.
         slips: function of another motion; returns the friction of joints that turn with the load,
             None if it has none (`Effect.slips`).
         passed: function of this motion; returns what goes on behind the friction of the actuated
@@ -62,6 +63,7 @@ class Nominal:
     body_torque: Callable[[State], np.ndarray]
     angle_torque: Callable[[State], np.ndarray]
     added: np.ndarray | float = 0.0
+    forces: np.ndarray | float = 0.0
     slips: Callable[[State], LoadFriction | None] = lambda _: None
     passed: Callable[[State], np.ndarray] = lambda state: state.known.load
     halfway: State | None = None

@@ -12,7 +12,10 @@ LARGEST = 0.3
 
 
 class TorqueRipple(Cogging):
-    """tau_i += a_i tau_i sin(N q_i + phi_i), summed over the orders N: in proportion to torque."""
+    """tau_i += a_i tau_i sin(N q_i + phi_i), summed over the orders N: in proportion to torque.
+
+    The torque is that of (20) and of forces on the platform.
+    """
 
     name = 'torque_ripple'
     phrase = 'torque ripple'
@@ -23,7 +26,7 @@ class TorqueRipple(Cogging):
     variables = 2
 
     def height(self, state: State) -> np.ndarray:
-        return state.known.delivered
+        return state.known.torque + state.known.forces
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         return self.height(state)[..., None] * super().columns(state, shape)
