@@ -249,6 +249,16 @@ def test_a_load_that_swings_turns_its_own_joints_with_friction(name, values):
     assert left(blind) > 8.0 * left(state)
 
 
+def test_a_ripple_scales_forces_on_the_platform():
+    model = model_of(entry('torque_ripple', relative=0.05, periods=20.0, phase=0.4),
+                     entry('cable_spring', **FORCES['cable_spring']))
+    _, state, found, where = recorded(model)
+    ripple, cable = (active.torque(state) for active in model.effects)
+    assert_alike(found - cable, ripple, where, 0.01)
+    without = replace(state, nominal=replace(state.nominal, forces=0.0))
+    assert rms(model.effects[0].torque(without) - ripple, where) > 0.1 * rms(ripple, where)
+
+
 def test_friction_grows_with_what_springs_pass_on():
     """That swings, and has no share of the motor's inertia in it."""
     springs = entry('elastic_transmission', stiffness=(4e3, 4.4e3, 3.6e3, 4e3), damping_ratio=0.1)

@@ -133,15 +133,17 @@ class ElasticTransmission(Effect):
         return {name: value for name, value in shape.items() if name in kept}
 
     def passed(self, state: State, values: Values) -> np.ndarray:
-        compliance = self.coefficients(values)[:, 0]
-        drive = Drive(*(float(values[name][0]) for name in COMMON))
+        compliance, drive = self._springs_of(values)
         spring, _ = Springs(state).torque(compliance, drive)
         return np.where(compliance > 0.0, spring, state.known.load)
 
     def torque(self, state: State, values: Values, joints: tuple[int, ...]) -> np.ndarray:
-        compliance = self.coefficients(values)[:, 0]
-        drive = Drive(*(float(values[name][0]) for name in COMMON))
-        return Springs(state).torque(compliance, drive)[1]
+        return Springs(state).torque(*self._springs_of(values))[1]
+
+    def _springs_of(self, values: Values) -> tuple[np.ndarray, Drive]:
+        """Return the compliances (J,), rad/(N m), of values, and what they have in common."""
+        return (self.coefficients(values)[:, 0],
+                Drive(*(float(values[name][0]) for name in COMMON)))
 
     def senseless(self, values: Values) -> str | None:
         least = float(np.min(values['damping_ratio']))

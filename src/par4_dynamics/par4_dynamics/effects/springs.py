@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -274,7 +274,8 @@ class Springs:
             return spring, change, twist, slopes
 
         load = self._swinging_at_first(self._with_run_in(rigid, every), rigid - self.rigid(drive),
-                                       swing, every, soft, (drive, tuple(compliance), every))
+                                       swing, partial(swing, slips=False), every, soft,
+                                       (drive, tuple(compliance), every))
         return swing(load, slice(None), share * self._with_run_in(self._motor_torque, every)
                      if with_slopes else None)
 
@@ -284,7 +285,8 @@ class Springs:
         return speed[:self._first] > MOVING * np.sqrt(np.mean(speed ** 2, axis=0))
 
     def _swinging_at_first(self, load: np.ndarray, beyond: np.ndarray,
-                           swing: Callable[..., Swung], every: int,
+                           swing: Callable[[np.ndarray, slice], Swung],
+                           freely: Callable[[np.ndarray, slice], Swung], every: int,
                            soft: np.ndarray, asked: Asked) -> np.ndarray:
         """Return steps (m, J) of what rigid springs would carry, with loads that swing at first.
 
@@ -297,6 +299,8 @@ class Springs:
             load: steps with the run-in.
             beyond: what that has beyond the torque of the motion, (n, J), N m.
             swing: integrates some of the steps.
+            freely: the same without the friction of joints that turn with the load, which is none
+                of what a kick does.
             every: samples from step to step.
             soft: joints that twist, (k,).
             asked: what tells one `swing` from another.
@@ -313,7 +317,7 @@ class Springs:
             load[:steps.stop], slice(0, steps.stop))[1][begin:]
         last, free = self._free
         if last != asked:
-            free = self._free_swings(swing, steps, told, soft)
+            free = self._free_swings(freely, steps, told, soft)
             self._free = asked, free
         sizes = np.linalg.lstsq(free, left[told], rcond=RANK)[0]
         twist, speed = np.split(sizes[:2 * len(soft)], 2)
@@ -322,7 +326,7 @@ class Springs:
         begun[begin, soft] += speed
         return begun
 
-    def _free_swings(self, swing: Callable[..., Swung], steps: slice,
+    def _free_swings(self, swing: Callable[[np.ndarray, slice], Swung], steps: slice,
                      told: np.ndarray, soft: np.ndarray) -> np.ndarray:
         """Return the torques of free swings and of constants, (r, 2 k + J), N m.
 
@@ -338,8 +342,7 @@ class Springs:
         kicks = np.zeros((2, len(soft), len(told) + 1, told.shape[1]))
         for kind in range(2):
             kicks[kind, np.arange(len(soft)), kind, soft] = 1.0
-        free = [swing(kick, steps, slips=False)[1][1:][told]
-                for kick in kicks.reshape(-1, *kicks.shape[2:])]
+        free = [swing(kick, steps)[1][1:][told] for kick in kicks.reshape(-1, *kicks.shape[2:])]
         constant = np.nonzero(told)[1][:, None] == np.arange(told.shape[1])
         return np.column_stack([*free, constant.astype(float)])
 
