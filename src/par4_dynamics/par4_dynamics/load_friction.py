@@ -12,6 +12,10 @@ import numpy as np
 class LoadFriction:
     """Joints of the load that take coulomb w / |w| (fading at rest) + viscous w to turn at w.
 
+    At rest all fade as that of theta does, by w / sqrt(w^2 + RESTING_RATE^2), in the steps of
+    springs; the passive joints' own effect has a tanh, which differs by 7 % at most and by 1 % from
+    0.2 rad/s on.
+
     Attributes:
         turning: w of G joints by the speeds of the actuated ones, (n, G, 3, J).
         coulomb: of each, (G,), N m.
