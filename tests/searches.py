@@ -14,6 +14,7 @@ from par4_identification.diagnosis.evidence.unnamed import Kinds
 from par4_identification.diagnosis.search.candidates import Candidates
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.search import Search
+from par4_identification.diagnosis.search.swing import first_look, swing_in
 from robots import REFERENCE, model_with
 
 MODEL = read_model('table1', REFERENCE)
@@ -55,6 +56,14 @@ def search_on(evidence, heldout, library=(), rules=None):
     effects = {name: CATALOGUE[name] for name in library}
     return Search(Candidates(effects, evidence, rules), Pool(evidence, heldout), rules, Dithered(),
                   Kinds(evidence.observations))
+
+
+def springs_in(projection, known=None, wanted=0.0):
+    """Return the transmissions that twist; None where a first look promises too little."""
+    look = first_look(projection)
+    if look.squares <= 2.0 * Rules().evidence:
+        return None
+    return swing_in(projection, look, 2.0 * Rules().price, known, wanted)
 
 
 def cause(name, joints=EVERY, **shape):

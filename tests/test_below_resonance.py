@@ -26,7 +26,14 @@ from par4_identification.diagnosis.evidence.projection import project
 from par4_identification.diagnosis.search import candidates as candidates_module
 from par4_identification.diagnosis.search.candidates import Candidates
 from par4_identification.diagnosis.search.rules import OF_PAR4
-from par4_identification.diagnosis.search.swing import LOWER_BAND, Swing, swing_below, swing_in
+from par4_identification.diagnosis.search.swing import (
+    LOWER_BAND,
+    USUAL,
+    Look,
+    Swing,
+    first_look,
+    swing_below,
+)
 from par4_identification.reports.outcome.diagnosis import outcome_of_diagnosis
 
 STIFFNESS = np.array([7020.0, 6530.0, 7920.0, 5960.0])
@@ -125,7 +132,7 @@ def test_lower_frequencies_tell_a_swing_that_all_rows_do_not(both, monkeypatch):
     """Counts swing loads little there."""
     _, first = both
     evidence, least = first.evidence, 2.0 * OF_PAR4.evidence
-    monkeypatch.setattr(candidates_module, 'swing_in', lambda *_: None)
+    monkeypatch.setattr(candidates_module, 'first_look', lambda *_: Look((None,) * 4, 0.0, USUAL))
     search = Candidates(SEARCHED, evidence, OF_PAR4)
     assert search.best(SEARCHED['elastic_transmission'], project(evidence, ())) is None
     found = search.softest
@@ -137,7 +144,7 @@ def test_lower_frequencies_tell_a_swing_that_all_rows_do_not(both, monkeypatch):
     low, high = springs_by_frequency(evidence)
     opposed = SimpleNamespace(evidence=evidence, rest=project(evidence, ()).rest,
                               residual=low - 30.0 * high)
-    assert swing_in(opposed, least, 2.0 * OF_PAR4.price) is None
+    assert first_look(opposed).squares <= least
     hidden = swing_below(opposed, least)
     assert resonance([hidden], evidence.observations) == pytest.approx(true, rel=0.2)
     # the look stops at the same evidence as that at all rows

@@ -25,8 +25,12 @@ from par4_identification.diagnosis.search.shapes import (
     shapes_of,
 )
 from par4_identification.diagnosis.search.swing import (
+    NEAR,
+    PROMISED,
     TRIED,
+    Look,
     Swing,
+    first_look,
     swing_below,
     swing_in,
 )
@@ -74,22 +78,45 @@ class Candidates:
         self._shapes = {name: shapes_of(evidence.observations, effect)
                         for name, effect in library.items()
                         if not effect.needs_both_ways or goes_both_ways(evidence.observations)}
-        self._searched: dict[Any, Candidate | None] = {}
+        self._searched: dict[Any, tuple[float, Candidate | None]] = {}
+        self._looks: dict[frozenset[object], Look] = {}
         self._orders: dict[Effect, Shape] = {}
         self.swing = self.softest = swing
         self.family = sum(len(shapes) for shapes in self._shapes.values())
 
-    def best(self, effect: Effect, projection: Projection) -> Candidate | None:
-        """Return the best shape of an effect beside a projection; searched once."""
-        key = (effect, frozenset(item.key for item in projection.hypotheses))
-        if key not in self._searched:
-            self._searched[key] = self._search(effect, projection)
-        return self._searched[key]
+    def best(self, effect: Effect, projection: Projection, wanted: float = 0.0
+             ) -> Candidate | None:
+        """Return the best shape of an effect beside a projection; searched once.
 
-    def all_of(self, projection: Projection, without: set[str]) -> list[Candidate]:
-        """Return the best shape of each effect that is not among the names `without`."""
-        found = side_by_side(partial(self.best, projection=projection), [
-            effect for name, effect in self.library.items() if name not in without])
+        Args:
+            effect: of the library.
+            projection: what the causes of a model leave.
+            wanted: gain in log-likelihood below which the candidate is of no use. Springs that
+                promise far less are not followed.
+        """
+        key = (effect, _causes_of(projection))
+        least, found = self._searched.get(key, (np.inf, None))
+        if least > wanted:
+            found = self._search(effect, projection, wanted)
+            is_whole = not _is_slow(effect) or (found is not None and found.gain > NEAR * wanted)
+            self._searched[key] = 0.0 if is_whole else wanted, found
+        return found
+
+    def all_of(self, projection: Projection, without: set[str], wanted: float | None = None
+               ) -> list[Candidate]:
+        """Return the best shape of each effect that is not among the names `without`.
+
+        Args:
+            projection, wanted: of `best`; unless given, what the best of the other effects gains is
+                wanted of springs, whose search takes longer than that of all others.
+            without: names.
+        """
+        effects = [effect for name, effect in self.library.items() if name not in without]
+        found = side_by_side(partial(self.best, projection=projection),
+                             [effect for effect in effects if not _is_slow(effect)])
+        if wanted is None:
+            wanted = max((item.gain for item in found if item is not None), default=0.0)
+        found += [self.best(effect, projection, wanted) for effect in effects if _is_slow(effect)]
         return [item for item in found if item is not None]
 
     def other_shapes(self, candidate: Candidate, projection: Projection, least: float
@@ -118,9 +145,9 @@ class Candidates:
                     effect, shapes, partial(projection.gains, effect))[0])
                 for law, shapes in laws.items() if law != hypothesis.shape.get(effect.law)]
 
-    def _search(self, effect: Effect, projection: Projection) -> Candidate | None:
+    def _search(self, effect: Effect, projection: Projection, wanted: float) -> Candidate | None:
         if isinstance(effect, ElasticTransmission):
-            return self._twisting(effect, projection)
+            return self._twisting(effect, projection, wanted)
         shapes = self._shapes.get(effect.name)
         if not shapes:
             return None
@@ -153,25 +180,43 @@ class Candidates:
                  for count in sorted(set(map(numbers, shapes)))]
         return max(found, key=lambda item: item[1] - 2.0 * self._rules.price * numbers(item[0]))
 
-    def _twisting(self, effect: ElasticTransmission, projection: Projection) -> Candidate | None:
+    def _twisting(self, effect: ElasticTransmission, projection: Projection, wanted: float
+                  ) -> Candidate | None:
         """Return the transmissions that twist most like the residual, if any do.
 
-        They are looked for only where the first order of a twist explains something.
+        They are looked for only where the first order of a twist explains something, and followed
+        only where a first look promises something, also of what is wanted.
         """
-        if 0.5 * projection.gain(effect, {}) < self._rules.evidence:
+        evidence = self._rules.evidence
+        if 0.5 * projection.gain(effect, {}) < evidence:
             return None
-        least = 2.0 * self._rules.evidence
-        found = swing_in(projection, least, 2.0 * self._rules.price, self.swing)
-        if found is None:
+        key = _causes_of(projection)
+        if key not in self._looks:
+            self._looks[key] = first_look(projection)
+        look = self._looks[key]
+        if look.squares <= 2.0 * evidence:
             if self.softest is None:
-                self.softest = swing_below(projection, least)
+                self.softest = swing_below(projection, 2.0 * evidence)
             return None
+        if look.squares <= 2.0 * PROMISED * wanted:
+            return None
+        found = swing_in(projection, look, 2.0 * self._rules.price, self.swing, 2.0 * wanted)
         self.swing = found
         if self.softest is None or found.compliance.max() > self.softest.compliance.max():
             self.softest = found
         hypothesis = Hypothesis(effect, effect.expansion(found.compliance, found.told),
                                 self._joints)
         return Candidate(hypothesis, 0.5 * found.squares, TRIED * len(self._joints))
+
+
+def _causes_of(projection: Projection) -> frozenset[object]:
+    """Return what tells the causes of a projection from others."""
+    return frozenset(item.key for item in projection.hypotheses)
+
+
+def _is_slow(effect: Effect) -> bool:
+    """Return whether the search of an effect takes long: its torque is that of loads that swing."""
+    return isinstance(effect, ElasticTransmission)
 
 
 def goes_both_ways(observations: Observations) -> bool:

@@ -184,10 +184,9 @@ class Search:
         by_times = 0.5 * self.pool.timing_squares[0]
         by_chance, twin = (max(least, by_times) for least in (BY_CHANCE, self.rules.twin))
         projection = self.weighing.beside(model)
-        found = [item for item in self.candidates.all_of(projection, {*names_of(model), *refused})
-                 if item.gain > self.rules.evidence]
         trimmed: dict[str, tuple[float, Hypothesis]] = {}
-        while found:
+        while found := [item for item in self.candidates.all_of(
+                projection, {*names_of(model), *refused}) if item.gain > self.rules.evidence]:
             # no score exceeds the gain on all joints
             most = 0.0
             for item in sorted(found, key=lambda item: -item.gain):
@@ -209,7 +208,6 @@ class Search:
                 near, key=lambda own: simplest_first(self.pool, own[1], most - own[0]))
             if self._is_confirmed(hypothesis, model):
                 return (*model, hypothesis)
-            found = [item for item in found if item.hypothesis.effect is not hypothesis.effect]
             refused.add(hypothesis.effect.name)
         return None
 
@@ -440,9 +438,10 @@ class Search:
         own = self.pool.fit((*others, cause))
         projection = self.weighing.beside(others)
         names = names_of((*others, cause))
+        least = 0.5 * self.weighing.gains(cause, others)[0]
         named = [self._believable(item, others)
-                 for item in self.candidates.all_of(projection, set(names))
-                 if item.gain > 0.5 * self.weighing.gains(cause, others)[0]]
+                 for item in self.candidates.all_of(projection, set(names), least)
+                 if item.gain > least]
         unnamed = [Hypothesis(kind, {}, self._joints) for kind in self._kinds
                    if kind.name not in names]
         found = [self._rival(None, self.pool.fit(others), own, True)]

@@ -31,6 +31,10 @@ COARSE_STEP = 2
 """Samples from step to step of the integration in the first search."""
 LOWER_BAND = 0.5
 """Share of the frequencies of rows, the lower ones, in which counts swing a load much less."""
+PROMISED, NEAR = 0.1, 0.5
+"""Shares of the gain that is wanted: which a first look must promise to be followed, and which it
+must promise, or compliances alone be worth, for numbers in common to be looked at. Where springs
+were found, the first look promised a quarter at the least."""
 SWEEPS, TRIALS = 3, 100
 """Of the first look over the joints; of compliances in one descent."""
 SETTLED = 1e-4
@@ -72,35 +76,60 @@ class Swing:
     told: dict[str, float] = field(default_factory=dict)
 
 
-def swing_in(projection: Projection, least: float, price: float, known: Swing | None = None
-             ) -> Swing | None:
-    """Return the transmissions that twist, by the torque that they leave in a projection.
+@dataclass(frozen=True)
+class Look:
+    """What a first look at transmissions that twist promises, as if no joint moved another.
 
-    None if a first look promises too little.
+    Attributes:
+        chosen: number of the compliance tried of each joint, None where it is rigid.
+        squares: twice the gain in log-likelihood.
+        drive: what the transmissions have in common.
+    """
+
+    chosen: tuple[int | None, ...]
+    squares: float
+    drive: Drive
+
+
+def first_look(projection: Projection, band: float = 1.0) -> Look:
+    """Return which of the compliances tried explain most of the torque left in a projection.
+
+    `band` is the share of the frequencies that is looked at, from zero on.
+    """
+    return _Twisting(projection).first_look(band)
+
+
+def swing_in(projection: Projection, look: Look, price: float, known: Swing | None = None,
+             wanted: float = 0.0) -> Swing:
+    """Return the transmissions that twist, by the torque that they leave in a projection.
 
     Args:
         projection: whose residual is the target.
-        least: twice the gain in log-likelihood that the first look must promise.
+        look: first one at it.
         price: twice the gain that a damping ratio or a motor share other than the usual one must be
             worth.
         known: result beside other causes, or with another nominal torque. The descent begins
             there. Its end is the answer if it leaves less than the first look promises, or if that
             look chooses as it did then, which is much quicker. If not, the better of two descents
             is.
+        wanted: twice the gain of which the first look must promise, or compliances alone be worth,
+            `NEAR` for the other numbers to be looked at.
     """
-    twisting = _Twisting(projection)
-    chosen, worth, coarse = twisting.first_look()
-    if worth <= least:
-        return None
+    twisting, chosen = _Twisting(projection), look.chosen
+
+    def told(found: Swing) -> Swing:
+        near = max(found.squares, look.squares) > NEAR * wanted
+        return twisting.freed(found, price) if near else found
+
     again = None
     if known is not None:
-        again = twisting.freed(twisting.descended_from(replace(known, first_look=chosen)), price)
-        if again.squares > worth or known.first_look == chosen:
+        again = told(twisting.descended_from(replace(known, first_look=chosen)))
+        if again.squares > look.squares or known.first_look == chosen:
             return again
     best = Swing(twisting.tried(chosen), 0.0, chosen)
-    for drive in (coarse, USUAL):
+    for drive in (look.drive, USUAL):
         best = twisting.descended(best, drive)
-    best = twisting.freed(best, price)
+    best = told(best)
     return best if again is None or again.squares < best.squares else again
 
 
@@ -111,11 +140,13 @@ def swing_below(projection: Projection, least: float) -> Swing | None:
     of all rows than a rigid machine does. None if a first look at them promises too little.
 
     Args:
-        projection, least: see `swing_in`.
+        projection: whose residual is the target.
+        least: twice the gain in log-likelihood that the first look must promise.
     """
     twisting = _Twisting(projection)
-    chosen, worth, _ = twisting.first_look(LOWER_BAND)
-    return Swing(twisting.tried(chosen), worth, chosen) if worth > least else None
+    look = twisting.first_look(LOWER_BAND)
+    return Swing(twisting.tried(look.chosen), look.squares, look.chosen) if (
+        look.squares > least) else None
 
 
 class _Twisting:
@@ -131,17 +162,14 @@ class _Twisting:
         soft, stiff = self._believed
         self._grid = np.geomspace(VISIBLE / stiff, 1.0 / soft, TRIED)
 
-    def first_look(self, band: float = 1.0) -> tuple[tuple[int | None, ...], float, Drive]:
-        """Return which of the compliances tried explain most, how much, and what they share.
-
-        `band` is the share of the frequencies that is looked at, from zero on.
-        """
+    def first_look(self, band: float) -> Look:
+        """Return what `first_look` does."""
         single = np.concatenate([self._grid[:, None] * unit for unit in np.eye(self._joints)])
         target = self._lower(self._projection.residual, band)
-        looks = [(*_first_look(self._lower(self._projection.rest(self._torques(single, drive)),
-                                           band), target, self._joints), drive)
-                 for drive in COARSE]
-        return max(looks, key=lambda look: look[1])
+        looks = [Look(*_first_look(self._lower(self._projection.rest(
+            self._torques(single, drive)), band), target, self._joints), drive)
+            for drive in COARSE]
+        return max(looks, key=lambda look: look.squares)
 
     def tried(self, chosen: tuple[int | None, ...]) -> np.ndarray:
         """Return the compliances (J,) that a first look chose, those of stiff joints small."""

@@ -36,7 +36,8 @@ def weak_causes(search: Search, model: Hypotheses) -> list[Hypothesis]:
     if not named_of(model):
         return found
     retimed = any(cause.named.retimes for cause in named_of(model))
-    for item in search.candidates.all_of(search.weighing.beside(model), set(names_of(model))):
+    for item in search.candidates.all_of(search.weighing.beside(model), set(names_of(model)),
+                                         wanted=0.0):
         hypothesis = item.hypothesis
         by_chance = BY_CHANCE * search.pool.numbers(hypothesis) + price_of_shapes(item)
         if (item.gain > by_chance and not (retimed and hypothesis.named.retimes)
