@@ -153,17 +153,27 @@ def test_lower_frequencies_tell_a_swing_that_all_rows_do_not(both, monkeypatch):
     assert found.squares > least
 
 
-@pytest.mark.parametrize(('damping', 'std', 'is_told'), [
-    (0.05, 0.0, True), (0.15, 0.0, True), (0.25, 0.0, False), (0.3, 0.08, True)])
-def test_springs_are_told_unless_their_damping_is_surely_large(recorded, both, damping, std,
+@pytest.mark.parametrize(('damping', 'std', 'share', 'is_told'), [
+    (0.05, 0.0, 0.06, True), (0.15, 0.0, 0.06, True), (0.25, 0.0, 0.06, False),
+    (0.3, 0.08, 0.06, True), (0.25, 0.0, 0.04, True)])
+def test_springs_are_told_unless_their_damping_is_surely_large(recorded, both, damping, std, share,
                                                                is_told):
-    """Below the resonance the loads hardly tell what damps them."""
+    """Below the resonance the loads hardly tell what damps them, if much is left beside them."""
     answer, first = both
+    robot, _, _ = recorded
     told = [replace(cause, parameters={**cause.parameters, 'damping_ratio': Parameter(
         value=damping, std=std, unit='1')}) if cause.effect.name == 'elastic_transmission'
         else cause for cause in answer.causes]
-    second = replace(answer, causes=tuple(told))
-    assert is_better(second, first, recorded[0]) == is_told
+    scale = np.sqrt(share / _share_left(answer, first, robot))
+    second = replace(answer, causes=tuple(told), holdout=replace(
+        answer.holdout, extended_rms=scale * answer.holdout.extended_rms))
+    assert second.verdict == 'explained'
+    assert is_better(second, first, robot) == is_told
+    without = [cause for cause in told if cause.effect.name != 'elastic_transmission']
+    assert not is_better(replace(second, causes=tuple(without)), first, robot)
+    if damping == 0.25:
+        left = replace(second, verdict='partly_explained')
+        assert not is_better(left, first, robot)
 
 
 def test_springs_that_were_named_are_told_with_no_more_unnamed_causes_than_before(recorded, both):

@@ -27,10 +27,11 @@ IN_BAND = 2.0
 """Resonance, as it is found, over the cut-off of the torque up to which counts swing a load within
 the rows."""
 MOST_DAMPING = 0.06
-"""Of loads that swing on transmissions; what is told beyond it may hide what counts make of it."""
+"""Of loads that swing on transmissions; more may hide what counts make of them. A plant whose loads
+had 0.08 was told to a percent, so that more is told where hardly anything is left."""
 NEARLY_ALL = 0.05
 """Share of the squares that the first diagnosis leaves up to which the second leaves next to none.
-"""
+Springs that were told for gaps left 0.35 and more."""
 
 
 def resonance(swings: Sequence[Swing | None], observations: Observations) -> float | None:
@@ -68,19 +69,20 @@ def is_better(second: Diagnosis, first: Diagnosis, machine: Robot | Axis) -> boo
     """Return whether a second diagnosis, below the resonance, takes the place of the first.
 
     It has to leave less of its held-out rows than the first would. Loads that swing in it must be
-    named and damp as those of machines may. Where the first has not named them, they must leave
-    nothing, as loads that bounce in a gap would, or next to nothing and no cause without a name;
-    else no more causes without a name than the first.
+    named and damp as those of machines mostly do, unless they and the other names leave nothing and
+    next to nothing of the squares. Where the first has not named them, they must leave nothing, as
+    loads that bounce in a gap would not, or next to nothing and no cause without a name; else no
+    more causes without a name than the first.
     If the first has found nothing, it is enough that springs come nearest to a cause: then neither
     has one that would leave less.
     """
     before, after = (_springs_of(answer.causes) for answer in (first, second))
     left = _share_left(second, first, machine)
-    told = second.swing_hz is None or (
+    explains, takes_nearly_all = second.verdict == 'explained', left < NEARLY_ALL
+    told = second.swing_hz is None or bool(after and explains and takes_nearly_all) or (
         any(_may_be_usual(cause, second) for cause in after)
-        and (second.verdict == 'explained'
-             or bool(before and len(second.unnamed) <= len(first.unnamed))
-             or (left < NEARLY_ALL and not second.unnamed)))
+        and (explains or bool(before and len(second.unnamed) <= len(first.unnamed))
+             or (takes_nearly_all and not second.unnamed)))
     nearly = first.verdict == 'clean' and isinstance(second.remaining.nearest, ElasticTransmission)
     return nearly or (told and left < 1.0)
 
