@@ -140,6 +140,21 @@ def test_what_a_load_leaves_that_leans_on_a_flank_does_not_know_its_size(loose):
     assert rattle([(observations, with_more(3.0, 0.5))]) is None
 
 
+@pytest.mark.parametrize(('hertz', 'is_told'), [(4.0, False), (30.0, True)])
+def test_bounces_are_quick(loose, hertz, is_told):
+    """What a supply that sags under load leaves bends where loads change sides, but smoothly."""
+    observations, _ = loose
+    random = np.random.default_rng(4)
+    left = []
+    for run in observations.runs:
+        around = np.stack([np.exp(-np.min(np.abs(run.t[:, None] - run.state.t[np.flatnonzero(
+            np.diff(np.sign(load)))]), axis=1) ** 2 / 2e-3) for load in
+            transmitted_torque(run.state).T], axis=1)
+        left.append(20.0 * around * np.sin(2.0 * np.pi * hertz * run.t)[:, None]
+                    + run.noise_floor * random.normal(size=around.shape))
+    assert (rattle([(observations, left)]) is not None) == is_told
+
+
 def test_base_values_of_leaning_rows_make_no_bounces(loose):
     """What fits these alone may leave much of all others, as beside a cause of another kind."""
     observations, _ = loose

@@ -7,8 +7,8 @@ after the transmitted torque has changed sides, and small while the load leans o
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 import scipy
@@ -33,6 +33,10 @@ noise gives 1, what bounces have made of the base values up to 1.6, a stiffness 
 tooth to tooth 2.3 to 3.1."""
 SLOWEST_HZ = 6.0
 """Slips are summed up to positions above this frequency; bounces in a gap are faster."""
+QUICK_HZ, QUICK = 20.0, 0.3
+"""Frequency above which much of the bounces lies, and least share there of the squares of the slip
+near changes of sides: of gaps 0.41 and more; of gains that fall under load, which end where the
+load changes sides, up to 0.16, of loads on very soft springs 0.09 to 0.57."""
 SLOWEST_ROWS_HZ = 80.0
 """Rate of rows below which bounces fall between them; a torque that jumps from sample to sample
 leaves the same there."""
@@ -64,6 +68,7 @@ class _Slip:
 
     Attributes:
         loud: its acceleration near changes of sides, rad/s2.
+        quick: what that has above `QUICK_HZ`, rad/s2.
         quiet: while the load leans on one flank, rad/s2.
         path: what the loud part moves, rad.
         still: what the quiet part moves, rad: noise.
@@ -71,6 +76,7 @@ class _Slip:
     """
 
     loud: np.ndarray
+    quick: np.ndarray
     quiet: np.ndarray
     path: np.ndarray
     still: np.ndarray
@@ -79,9 +85,11 @@ class _Slip:
     def rattles(self, contrast: float) -> bool:
         """Return whether it is louder near changes of sides by a contrast: the load is loose.
 
-        Away from them nothing may be left but noise, which does not know the load.
+        Its bounces are quick, and away from them nothing may be left but noise, which does not know
+        the load.
         """
-        return self.is_louder(contrast) and self._growth <= LEANING_GROWTH
+        return (self.is_louder(contrast) and self._growth <= LEANING_GROWTH
+                and float(np.sum(self.quick ** 2)) >= QUICK * float(np.sum(self.loud ** 2)))
 
     def is_louder(self, contrast: float) -> bool:
         """Return whether its rms near changes of sides is so many times that of leaning loads."""
@@ -203,13 +211,14 @@ def _slips(observations: Observations, left: Sequence[np.ndarray]) -> list[_Slip
     for run, rest in zip(observations.runs, left):
         slip, carried = _slip(run, rest), transmitted_torque(run.state)
         path, (fresh, leans) = _positions(slip, run.row_time), _sides(run)
+        quick = _filtered(slip, run.row_time, lambda frequency: frequency > QUICK_HZ)
         for joint in range(observations.joints):
             loud, quiet = fresh[:, joint], leans[:, joint]
             load = np.interp(run.t[quiet], run.state.t, carried[:, joint])
-            parts[joint].append(_Slip(slip[loud, joint], slip[quiet, joint], path[loud, joint],
-                                      path[quiet, joint], np.abs(load)))
-    return [_Slip(*(np.concatenate([getattr(part, name) for part in own])
-                    for name in ('loud', 'quiet', 'path', 'still', 'load'))) for own in parts]
+            parts[joint].append(_Slip(slip[loud, joint], quick[loud, joint], slip[quiet, joint],
+                                      path[loud, joint], path[quiet, joint], np.abs(load)))
+    return [_Slip(*(np.concatenate([getattr(part, field.name) for part in own])
+                    for field in fields(_Slip))) for own in parts]
 
 
 def _sides(run: Run) -> tuple[np.ndarray, np.ndarray]:
@@ -230,11 +239,19 @@ def _slip(run: Run, rest: np.ndarray) -> np.ndarray:
 
 def _positions(acceleration: np.ndarray, period: float) -> np.ndarray:
     """Return what accelerations (m, J) move, above `SLOWEST_HZ`."""
-    frequency = np.fft.rfftfreq(len(acceleration), period)
-    ratio = (frequency / SLOWEST_HZ) ** 4
-    weight = -ratio / (1.0 + ratio) / (2.0 * np.pi * np.maximum(frequency, frequency[1])) ** 2
-    return np.fft.irfft(np.fft.rfft(acceleration, axis=0) * weight[:, None], len(acceleration),
-                        axis=0)
+    def weight(frequency: np.ndarray) -> np.ndarray:
+        ratio = (frequency / SLOWEST_HZ) ** 4
+        rate = 2.0 * np.pi * np.maximum(frequency, frequency[1])
+        return np.asarray(-ratio / (1.0 + ratio) / rate ** 2)
+
+    return _filtered(acceleration, period, weight)
+
+
+def _filtered(rows: np.ndarray, period: float, weight: Callable[[np.ndarray], np.ndarray]
+              ) -> np.ndarray:
+    """Return rows (m, J) whose frequencies, Hz, are weighted."""
+    weights = weight(np.fft.rfftfreq(len(rows), period))
+    return np.fft.irfft(np.fft.rfft(rows, axis=0) * weights[:, None], len(rows), axis=0)
 
 
 def _around_changes(time: np.ndarray, load: np.ndarray, rows: np.ndarray
