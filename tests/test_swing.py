@@ -28,7 +28,13 @@ from par4_identification.diagnosis.evidence.projection import project
 from par4_identification.diagnosis.search import candidates as candidates_module
 from par4_identification.diagnosis.search.candidates import Candidates
 from par4_identification.diagnosis.search.rules import Rules
-from par4_identification.diagnosis.search.swing import Swing, _descended, first_look
+from par4_identification.diagnosis.search.swing import (
+    Swing,
+    _descended,
+    first_look,
+    swing_in,
+    without_rigid,
+)
 from par4_identification.diagnosis.verdict import swinging_loads
 from par4_identification.diagnosis.verdict.swinging_loads import unbiased, without_count_bias
 from par4_identification.signals.rows import runs_of_log
@@ -522,8 +528,26 @@ def test_a_load_that_swings_the_other_way_is_no_spring():
     true = 1.0 / (LOAD * (2.0 * np.pi * 35.0) ** 2)
     evidence = evidence_of_axis(true)
     assert springs_in(project(evidence, [])) is not None
-    other = replace(evidence, target=-evidence.target)
-    assert springs_in(project(other, [])) is None
+    other = project(replace(evidence, target=-evidence.target), [])
+    assert springs_in(other) is None
+    # followed all the same it ends as stiff as any spring that is believed, and is none
+    found = swing_in(other, first_look(other), 2.0 * Rules().price)
+    state = evidence.observations.runs[0].state
+    assert found.compliance > 0.0
+    assert without_rigid(found.compliance, state) == [0.0]
+    assert without_rigid(1.01 * found.compliance, state) > 0.0
+
+
+def test_a_joint_as_stiff_as_any_is_no_part_of_a_candidate(monkeypatch):
+    evidence = evidence_of_axis(1.0 / (LOAD * (2.0 * np.pi * 22.0) ** 2))
+    effect, projection = CATALOGUE['elastic_transmission'], project(evidence, [])
+    least = swing_in(project(replace(evidence, target=-evidence.target), []),
+                     first_look(projection), 2.0 * Rules().price).compliance
+    for compliance, told in ((least, 0.0), (2.0 * least, 2.0 * least[0])):
+        monkeypatch.setattr(candidates_module, 'swing_in', lambda *_: Swing(
+            compliance, 1e6, (0,)))  # noqa: B023
+        candidate = Candidates({effect.name: effect}, evidence, Rules()).best(effect, projection)
+        assert effect.exact_at(candidate.hypothesis.shape, 1) == pytest.approx([told])
 
 
 @pytest.fixture(scope='module')

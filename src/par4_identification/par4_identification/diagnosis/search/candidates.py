@@ -33,6 +33,7 @@ from par4_identification.diagnosis.search.swing import (
     first_look,
     swing_below,
     swing_in,
+    without_rigid,
 )
 
 ONE_WAY = 0.1
@@ -204,8 +205,8 @@ class Candidates:
         self.swing = found
         if self.softest is None or found.compliance.max() > self.softest.compliance.max():
             self.softest = found
-        hypothesis = Hypothesis(effect, effect.expansion(found.compliance, found.told),
-                                self._joints)
+        compliance = without_rigid(found.compliance, projection.evidence.observations.runs[0].state)
+        hypothesis = Hypothesis(effect, effect.expansion(compliance, found.told), self._joints)
         return Candidate(hypothesis, 0.5 * found.squares, TRIED * len(self._joints))
 
 

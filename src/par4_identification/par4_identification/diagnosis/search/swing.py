@@ -47,6 +47,8 @@ ENDED = {'damping_ratio': (0.0, 0.99 * DAMPING_RATIOS[1]),
 """Within these a search has not ended at a bound: what does is none that the data tell."""
 COARSE = tuple(Drive(COARSE_DAMPING, share) for share in (USUAL.motor_share, 0.75))
 """What transmissions have in common in the first look."""
+RIGID = 2.0
+"""Least compliance in a descent, over that of the stiffest transmission that is believed."""
 AT_BOUND = 1e-6
 """Of a logarithm: what starts as near to its bound starts there. A step that ends at a bound just
 ahead is none, and the descent would end with it."""
@@ -196,7 +198,7 @@ class _Twisting:
         soft, stiff = self._believed
         box = np.stack([np.append(np.full(joints, compliance), np.log([
             BOUNDS[name][side] for name in names]))
-            for side, compliance in enumerate(np.log((2.0 / stiff, 1.0 / soft)))])
+            for side, compliance in enumerate(np.log((RIGID / stiff, 1.0 / soft)))])
         begun = np.clip(np.log(np.append(start.compliance, list(start.told.values()))), *box)
         found, squares = _descended(lambda trial: self._left(*parts(trial)),
                                     lambda trial: self._slopes(*parts(trial))[:, columns], begun,
@@ -268,6 +270,12 @@ def stiffnesses_of(state: State) -> tuple[float, float]:
     """
     return believed_stiffnesses(
         float(state.known.values['actuator_inertia'][0]) if state.geometry is None else None)
+
+
+def without_rigid(compliance: np.ndarray, state: State) -> np.ndarray:
+    """Return the compliances (J,) that a descent found, zero where it ended at the least one."""
+    _, stiff = stiffnesses_of(state)
+    return np.where(compliance > (1.0 + AT_BOUND) * RIGID / stiff, compliance, 0.0)
 
 
 def _first_look(alone: np.ndarray, target: np.ndarray, joints: int
