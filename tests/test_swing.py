@@ -26,8 +26,9 @@ from par4_identification.diagnosis.evidence.dithered import dithered
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.projection import project
 from par4_identification.diagnosis.search import candidates as candidates_module
-from par4_identification.diagnosis.search.candidates import Candidates
+from par4_identification.diagnosis.search.candidates import Candidate, Candidates
 from par4_identification.diagnosis.search.rules import Rules
+from par4_identification.diagnosis.search.search import Search
 from par4_identification.diagnosis.search.swing import (
     Swing,
     _descended,
@@ -406,6 +407,28 @@ def test_springs_are_weighed_against_the_best_of_the_other_effects(monkeypatch):
     assert len(followed) == 2
 
 
+def test_springs_are_looked_at_again_where_a_better_candidate_is_refused(monkeypatch):
+    """Beside it they promised too little to be followed."""
+    fit, heldout = (evidence_of_axis(1.0 / (LOAD * (2.0 * np.pi * 22.0) ** 2), seed)
+                    for seed in (1, 2))
+    search = search_on(fit, heldout, ('elastic_transmission', 'torque_offset'))
+    springs = CATALOGUE['elastic_transmission']
+
+    def best(_self, effect, projection, wanted=0.0):
+        assert projection.hypotheses == ()
+        if effect is not springs:
+            return Candidate(Hypothesis(effect, {}, (0,)), 1e6, 1)
+        return None if wanted > 1e5 else Candidate(
+            Hypothesis(effect, effect.expansion(np.array([1e-4])), (0,)), 1e3, 1)
+
+    monkeypatch.setattr(Candidates, 'best', best)
+    monkeypatch.setattr(Search, '_trimmed', lambda _self, item, _model: (
+        item.gain, item.hypothesis))
+    monkeypatch.setattr(Search, '_is_confirmed', lambda _self, item, _others: (
+        item.effect is springs))
+    assert [item.effect for item in search._with_a_name((), set())] == [springs]
+
+
 def test_numbers_in_common_are_told_where_springs_are_worth_half_of_what_is_wanted():
     """A load that rings promises much, and leaves more than a rigid one at the usual damping."""
     true = 1.0 / (LOAD * (2.0 * np.pi * 22.0) ** 2)
@@ -544,8 +567,8 @@ def test_a_joint_as_stiff_as_any_is_no_part_of_a_candidate(monkeypatch):
     least = swing_in(project(replace(evidence, target=-evidence.target), []),
                      first_look(projection), 2.0 * Rules().price).compliance
     for compliance, told in ((least, 0.0), (2.0 * least, 2.0 * least[0])):
-        monkeypatch.setattr(candidates_module, 'swing_in', lambda *_: Swing(
-            compliance, 1e6, (0,)))  # noqa: B023
+        monkeypatch.setattr(candidates_module, 'swing_in',
+                            lambda *_, found=compliance: Swing(found, 1e6, (0,)))
         candidate = Candidates({effect.name: effect}, evidence, Rules()).best(effect, projection)
         assert effect.exact_at(candidate.hypothesis.shape, 1) == pytest.approx([told])
 
