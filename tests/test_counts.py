@@ -10,7 +10,7 @@ from searches import EVERY, MODEL
 
 from par4_dynamics.base_terms import base_columns
 from par4_dynamics.effects.catalogue import CATALOGUE
-from par4_identification.diagnosis.evidence.dithered import Dithered, dithered
+from par4_identification.diagnosis.evidence.dithered import DRAWS, Dithered, dithered
 from par4_identification.diagnosis.evidence.estimates import effect_parameters
 from par4_identification.diagnosis.evidence.evidence import Evidence
 from par4_identification.diagnosis.evidence.fit import solve
@@ -87,6 +87,29 @@ def test_a_search_names_nothing_that_counts_imitate(motion, effect):
     deceived = names_of(found(Dithered()))  # the effect, or what remembers the way as it does
     assert deceived & {effect, 'memory'}, 'counts no longer deceive: the test shows nothing'
     assert named_of(found(dithered(fit.observations).with_nominal(MODEL))) == []
+
+
+def test_a_cause_with_log_likelihood_to_spare_takes_one_draw(motion, monkeypatch):
+    """No answer depends on how much of it counts make, as long as that is less than it can spare.
+    """
+    evidence = evidence_on(motion, counted=True)
+    hypothesis = Hypothesis(CATALOGUE['distributed_rods'], {}, EVERY)
+    projection, drawn = project(evidence, ()), []
+    moment = Counts.moment
+    monkeypatch.setattr(Counts, 'moment', lambda own, rows, item, draws: (
+        drawn.append(draws), moment(own, rows, item, draws))[1])
+
+    def imitated(spare):
+        drawn.clear()
+        counts = Counts(dithered(evidence.observations).with_nominal(MODEL))
+        return counts.imitate(projection, hypothesis, spare), list(drawn)
+
+    exact, all_draws = imitated(0.0)
+    assert all_draws == [1, DRAWS]
+    roughly, one_draw = imitated(1e6)
+    assert one_draw == [1]
+    assert 0.3 * exact < roughly < 3.0 * exact
+    assert imitated(0.9 * exact) == (exact, all_draws)
 
 
 def test_nothing_is_imitated_where_the_counts_are_not_known(motion):

@@ -317,6 +317,23 @@ def test_orders_that_are_known_are_the_answer_after_two_looks(evidence, looks):
     assert same == pytest.approx(gain, rel=1e-6)
 
 
+def test_orders_that_cannot_gain_what_is_wanted_are_not_sought_to_the_last(evidence, looks):
+    """Whatever is wanted less than what they gain changes nothing, which costs no look more."""
+    ripple, projection = CATALOGUE['torque_ripple'], project(evidence, ())
+    tried = [{'periods': order} for order in np.arange(6.0, 60.0)]
+    anew, gain = best_orders(ripple, tried, projection, Rules())
+    whole = len(looks)
+    assert best_orders(ripple, tried, projection, Rules(), wanted=0.99 * gain) == (anew, gain)
+    assert len(looks) == 2 * whole
+    looks.clear()
+    # the first order gains half of them all at the most
+    assert best_orders(ripple, tried, projection, Rules(), wanted=8.5 * gain) is None
+    assert 1 <= len(looks) < whole
+    looks.clear()
+    assert best_orders(ripple, tried, projection, Rules(), anew, wanted=1e3 * gain) is None
+    assert len(looks) == 1
+
+
 def test_what_each_order_gains_beside_the_others_follows_from_one_fit_of_all(evidence):
     ripple, orders = CATALOGUE['torque_ripple'], (9.0, 20.0, 31.0)
 

@@ -16,7 +16,7 @@ from planned import evidence_of, log_of
 from searches import search_on, springs_in
 
 from par4_dynamics.effects.catalogue import CATALOGUE
-from par4_dynamics.effects.springs import DAMPING_RATIO, FIRST, Drive, Springs
+from par4_dynamics.effects.springs import DAMPING_RATIO, FIRST, USUAL, Drive, Springs
 from par4_dynamics.effects.transmission import MOTOR_SHARE
 from par4_dynamics.model_file import ModelFile
 from par4_dynamics.model_from_file import build_model
@@ -26,10 +26,11 @@ from par4_identification.diagnosis.evidence.dithered import dithered
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.projection import project
 from par4_identification.diagnosis.search import candidates as candidates_module
-from par4_identification.diagnosis.search.candidates import Candidate, Candidates
+from par4_identification.diagnosis.search.candidates import FIRST_ORDER, Candidate, Candidates
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.search import Search
 from par4_identification.diagnosis.search.swing import (
+    Look,
     Swing,
     _descended,
     first_look,
@@ -383,6 +384,37 @@ def test_springs_are_followed_where_they_promise_a_tenth_of_what_is_wanted(monke
     assert candidates.best(effect, projection).gain == pytest.approx(promised)
     assert [asked[-1] for asked in followed] == [
         pytest.approx(2.0 * factor * promised) for factor in (9.9, 1.0)]
+
+
+def test_springs_are_looked_at_where_their_first_order_explains_some_of_what_is_wanted(monkeypatch):
+    looked = []
+    monkeypatch.setattr(candidates_module, 'first_look', lambda projection: (
+        looked.append(projection), Look((None,), 0.0, USUAL))[1])
+    evidence = evidence_of_axis(1.0 / (LOAD * (2.0 * np.pi * 22.0) ** 2))
+    effect, projection = CATALOGUE['elastic_transmission'], project(evidence, [])
+    explained = 0.5 * projection.gain(effect, {})
+    candidates = Candidates({effect.name: effect}, evidence, Rules())
+    assert candidates.best(effect, projection, 1.01 * explained / FIRST_ORDER) is None
+    assert looked == []
+    candidates.best(effect, projection, 0.99 * explained / FIRST_ORDER)
+    assert looked == [projection]
+
+
+def test_orders_are_weighed_against_what_is_quicker_unless_all_are_asked_for(monkeypatch):
+    """What the noise model must not take for noise is sought in full, however little it is."""
+    def best(_self, effect, **asked_for):
+        asked[effect.name] = asked_for['wanted']
+        return Candidate(Hypothesis(effect, {}, (0,)), {'stribeck': 7.0, 'cogging': 9.0}.get(
+            effect.name, 1.0), 1)
+
+    monkeypatch.setattr(Candidates, 'best', best)
+    evidence = evidence_of_axis(1.0 / (LOAD * (2.0 * np.pi * 22.0) ** 2))
+    library = {name: CATALOGUE[name] for name in ('elastic_transmission', 'cogging', 'stribeck')}
+    candidates, projection = Candidates(library, evidence, Rules()), project(evidence, [])
+    for in_full, wanted in ((False, 7.0), (True, 0.0)):
+        asked = {}
+        candidates.all_of(projection, set(), orders_in_full=in_full)
+        assert asked == {'stribeck': 0.0, 'cogging': wanted, 'elastic_transmission': 9.0}
 
 
 def test_springs_are_weighed_against_the_best_of_the_other_effects(monkeypatch):

@@ -36,6 +36,11 @@ from par4_identification.diagnosis.search.swing import (
     without_rigid,
 )
 
+GRID, ORDERS, SPRINGS = range(3)
+"""What is searched of an effect, the quickest first."""
+FIRST_ORDER = 0.03
+"""Share of the gain that is wanted that the first order of a twist must explain for a look at
+springs. Where these explained half of it or more, it was 0.05 at the least."""
 ONE_WAY = 0.1
 """Share of the travel that must go either way for a difference between the directions to show."""
 
@@ -92,33 +97,40 @@ class Candidates:
         Args:
             effect: of the library.
             projection: what the causes of a model leave.
-            wanted: gain in log-likelihood below which the candidate is of no use. Springs that
-                promise far less are not followed.
+            wanted: gain in log-likelihood below which the candidate is of no use. Springs and
+                periodic torques that promise less are not followed.
         """
         key = (effect, _causes_of(projection))
         least, found = self._searched.get(key, (np.inf, None))
         if least > wanted:
             found = self._search(effect, projection, wanted)
-            is_whole = not _is_slow(effect) or (found is not None and found.gain > NEAR * wanted)
+            is_whole = _slowness(effect) == GRID or (found is not None and (
+                order_name(effect) is not None or found.gain > NEAR * wanted))
             self._searched[key] = 0.0 if is_whole else wanted, found
         return found
 
-    def all_of(self, projection: Projection, without: set[str], wanted: float | None = None
-               ) -> list[Candidate]:
+    def all_of(self, projection: Projection, without: set[str], wanted: float | None = None,
+               orders_in_full: bool = False) -> list[Candidate]:
         """Return the best shape of each effect that is not among the names `without`.
 
         Args:
-            projection, wanted: of `best`; unless given, what the best of the other effects gains is
-                wanted of springs, whose search takes longer than that of all others.
+            projection, wanted: of `best`; unless given, what the best of the quicker effects gains
+                is wanted of periodic torques and of springs, whose searches take longest.
             without: names.
+            orders_in_full: whether periodic torques are sought to the last order, whatever the
+                others explain.
         """
         effects = [effect for name, effect in self.library.items() if name not in without]
-        found = side_by_side(partial(self.best, projection=projection),
-                             [effect for effect in effects if not _is_slow(effect)])
-        if wanted is None:
-            wanted = max((item.gain for item in found if item is not None), default=0.0)
-        found += [self.best(effect, projection, wanted) for effect in effects if _is_slow(effect)]
-        return [item for item in found if item is not None]
+        found: list[Candidate] = []
+        for slowness in sorted(set(map(_slowness, effects))):
+            least = max((item.gain for item in found), default=0.0) if wanted is None else wanted
+            if orders_in_full and slowness == ORDERS:
+                least = 0.0
+            found += [item for item in side_by_side(
+                partial(self.best, projection=projection, wanted=least),
+                [effect for effect in effects if _slowness(effect) == slowness])
+                if item is not None]
+        return found
 
     def other_shapes(self, candidate: Candidate, projection: Projection, least: float
                      ) -> list[Shape]:
@@ -154,8 +166,11 @@ class Candidates:
             return None
 
         if order_name(effect) is not None:
-            shape, best = best_orders(effect, shapes, projection, self._rules,
-                                      self._orders.get(effect))
+            orders = best_orders(effect, shapes, projection, self._rules, self._orders.get(effect),
+                                 2.0 * NEAR * wanted)
+            if orders is None:
+                return None
+            shape, best = orders
             self._orders[effect] = shape
         else:
             shape, best = self._best_of_laws(effect, shapes, projection)
@@ -186,10 +201,10 @@ class Candidates:
         """Return the transmissions that twist most like the residual, if any do.
 
         They are looked for only where the first order of a twist explains something, and followed
-        only where a first look promises something, also of what is wanted.
+        only where a first look promises something, both also of what is wanted.
         """
         evidence = self._rules.evidence
-        if 0.5 * projection.gain(effect, {}) < evidence:
+        if 0.5 * projection.gain(effect, {}) < max(evidence, FIRST_ORDER * wanted):
             return None
         key = _causes_of(projection)
         if key not in self._looks:
@@ -215,9 +230,12 @@ def _causes_of(projection: Projection) -> frozenset[object]:
     return frozenset(item.key for item in projection.hypotheses)
 
 
-def _is_slow(effect: Effect) -> bool:
-    """Return whether the search of an effect takes long: its torque is that of loads that swing."""
-    return isinstance(effect, ElasticTransmission)
+def _slowness(effect: Effect) -> int:
+    """Return how long the search of an effect takes: that of a grid, of orders, of loads that
+    swing."""
+    if isinstance(effect, ElasticTransmission):
+        return SPRINGS
+    return GRID if order_name(effect) is None else ORDERS
 
 
 def goes_both_ways(observations: Observations) -> bool:

@@ -61,11 +61,16 @@ class Counts:
     _products: dict[tuple[Key, int], np.ndarray] = field(default_factory=dict)
     _sent_back: list[list[np.ndarray]] | None = None
 
-    def imitate(self, projection: Projection, hypothesis: Hypothesis) -> float:
+    def imitate(self, projection: Projection, hypothesis: Hypothesis, spare: float = 0.0) -> float:
         """Return how much of the log-likelihood of a cause, on fitted rows, counts could make.
 
         Their effect may be up to `DOUBT` times as large as computed. If one draw says that they
-        make next to nothing, the others are not computed.
+        make next to nothing, or no more than the cause can spare, the others are not computed.
+
+        Args:
+            projection: of the causes beside it.
+            hypothesis: the cause.
+            spare: log-likelihood that the cause may lose without another answer.
         """
         draws = len(self.dithered.draws)
         if not draws:
@@ -78,7 +83,7 @@ class Counts:
         found = root.T @ moment
         added = root.T @ self.moment(projection.evidence, hypothesis, 1)
         most = DOUBT * np.linalg.norm(found) * np.linalg.norm(added)
-        if most > max(NEGLIGIBLE, NEGLIGIBLE_SHARE * 0.5 * float(found @ found)):
+        if most > max(NEGLIGIBLE, NEGLIGIBLE_SHARE * 0.5 * float(found @ found), spare):
             added = root.T @ self.moment(projection.evidence, hypothesis, draws)
         share = float(np.clip(-found @ added / max(added @ added, 1e-30), 0.0, DOUBT))
         without = found + share * added

@@ -45,8 +45,12 @@ WIDEST_APART = 0.5
 
 
 def best_orders(effect: Effect, shapes: Sequence[Shape], projection: Projection, rules: Rules,
-                known: Shape | None = None) -> tuple[Shape, float]:
+                known: Shape | None = None, wanted: float = 0.0) -> tuple[Shape, float] | None:
     """Return the orders of an effect beside a projection, and twice what they gain.
+
+    None where they cannot gain what is wanted: each order gains about as much as the one before it
+    at the most, and there are `MOST`. Orders imitate a little of anything, so that a strong cause
+    without a name yet would have all of them sought.
 
     An order after the first must gain the sum of three things: what every cause must gain, what
     chance gives to the best of so many orders, and what an error of the orders before it may make.
@@ -63,6 +67,7 @@ def best_orders(effect: Effect, shapes: Sequence[Shape], projection: Projection,
         projection: of the causes beside it.
         rules: what a cause must gain.
         known: orders that were found beside other causes.
+        wanted: twice the gain below which the orders are of no use.
     """
     name = order_name(effect)
     if name is None:
@@ -70,6 +75,8 @@ def best_orders(effect: Effect, shapes: Sequence[Shape], projection: Projection,
     search = _Orders(effect, name, np.array([single(shape[name]) for shape in shapes]), projection,
                      rules)
     first, gain = search.strongest(projection, ())
+    if gain * MOST < wanted:
+        return None
     earlier = None if known is None else known[name]
     if known is not None and isinstance(earlier, tuple) and first in earlier:
         whole = search.whole(earlier)
@@ -83,6 +90,8 @@ def best_orders(effect: Effect, shapes: Sequence[Shape], projection: Projection,
             break
         found.append(order)
         gain += more
+        if gain + (MOST - len(found)) * more < wanted:
+            return None
     for _ in range(ROUNDS if len(found) > 1 and not set(found) <= set(search.tried) else 0):
         for place, order in enumerate(found):
             if order not in search.tried:

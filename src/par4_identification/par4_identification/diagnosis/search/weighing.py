@@ -58,10 +58,15 @@ class Weighing:
         return (0.5 * (without.fit_squares - together.fit_squares),
                 0.5 * (without.heldout_squares - together.heldout_squares))
 
-    def sound_gains(self, cause: Hypothesis, others: Hypotheses) -> tuple[float, float]:
-        """Return `gains` less what encoder counts may have contributed."""
+    def sound_gains(self, cause: Hypothesis, others: Hypotheses,
+                    needed: tuple[float, float] = (np.inf, np.inf)) -> tuple[float, float]:
+        """Return `gains` less what encoder counts may have contributed.
+
+        Where both gains are beyond what is needed in any case, that is known by one draw only.
+        """
         fit_gain, gain = self.gains(cause, others)
-        by_counts = self._by_counts(cause, others)
+        spare = min(fit_gain - needed[0], (gain - needed[1]) / self._heldout_share)
+        by_counts = self._by_counts(cause, others, spare)
         return fit_gain - by_counts[0], gain - by_counts[1]
 
     def corrected(self, fit: Fit) -> Fit:
@@ -87,11 +92,13 @@ class Weighing:
         beside the errors that their laws can have.
         """
         needed = self.requirement((*others, cause), cause)
-        fit_gain, gain = self.sound_gains(cause, others)
-        if isinstance(cause.effect, Kind):
-            return min(fit_gain / needed.fit, gain / (needed.heldout + self._rules.margin))
+        unnamed = isinstance(cause.effect, Kind)
+        both = needed.fit, needed.heldout + (self._rules.margin if unnamed else 0.0)
+        fit_gain, gain = self.sound_gains(cause, others, both)
+        standing = min(fit_gain / both[0], gain / both[1])
+        if unnamed:
+            return standing
         least_fit, least = needed.beside_law_error
-        standing = min(fit_gain / needed.fit, gain / needed.heldout)
         hopeless = min(fit_gain / least_fit, gain / least) <= 1.0
         if standing > 1.0 or hopeless or not self._knows_the_machine:
             return standing
@@ -111,10 +118,16 @@ class Weighing:
         return min((gains[part] - by_counts[part]) / max(1.0, left[part] / max(rows[part], 1))
                    / needed.beside_law_error[part] for part in (0, 1))
 
-    def _by_counts(self, cause: Hypothesis, others: Hypotheses) -> tuple[float, float]:
-        """Return what encoder counts may contribute to the gains."""
-        imitated = self._counts.imitate(self.beside(others), cause)
-        return imitated, imitated * self._pool.heldout.rows / max(self._pool.evidence.rows, 1)
+    def _by_counts(self, cause: Hypothesis, others: Hypotheses, spare: float = 0.0
+                   ) -> tuple[float, float]:
+        """Return what encoder counts may contribute to the gains; see `Counts.imitate`."""
+        imitated = self._counts.imitate(self.beside(others), cause, spare)
+        return imitated, imitated * self._heldout_share
+
+    @cached_property
+    def _heldout_share(self) -> float:
+        """Rows held out over rows to fit."""
+        return max(self._pool.heldout.rows, 1) / max(self._pool.evidence.rows, 1)
 
     def beside(self, model: Hypotheses) -> Projection:
         """Return what a model leaves of the rows to fit."""

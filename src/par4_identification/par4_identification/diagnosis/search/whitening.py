@@ -66,9 +66,9 @@ def whitener_of(observations: Observations, sigma: np.ndarray, library: Mapping[
         return flat_whitener(observations, _noise_of_plateaus(observations))
     flat = gather(observations, flat_whitener(observations, sigma))
     projection, counts = project(flat, []), Counts(moved)
-    found = Candidates(library, flat, rules).all_of(projection, set(), wanted=0.0)
-    richest = [item.hypothesis for item in found
-               if counts.imitate(projection, item.hypothesis) < BY_COUNTS * item.gain]
+    found = Candidates(library, flat, rules).all_of(projection, set(), orders_in_full=True)
+    richest = [item.hypothesis for item in found if counts.imitate(
+        projection, item.hypothesis, BY_COUNTS * item.gain) < BY_COUNTS * item.gain]
     left = residuals(observations, richest, solve(flat, richest))
     return whitener_of_residuals(observations, _without_unnamed(observations, left, kinds),
                                  flat.design(richest).shape[1])
