@@ -30,6 +30,7 @@ from par4_identification.diagnosis.search.candidates import FIRST_ORDER, Candida
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.search import Search
 from par4_identification.diagnosis.search.swing import (
+    PROMISED,
     Look,
     Swing,
     _descended,
@@ -367,7 +368,7 @@ def noted(followed):
     return descent
 
 
-def test_springs_are_followed_where_they_promise_a_tenth_of_what_is_wanted(monkeypatch):
+def test_springs_are_followed_where_they_promise_a_share_of_what_is_wanted(monkeypatch):
     """What is wanted is what another effect gains, unless less is asked for."""
     followed = []
     monkeypatch.setattr(candidates_module, 'swing_in', noted(followed))
@@ -375,15 +376,16 @@ def test_springs_are_followed_where_they_promise_a_tenth_of_what_is_wanted(monke
     effect, projection = CATALOGUE['elastic_transmission'], project(evidence, [])
     promised = 0.5 * first_look(projection).squares
     candidates = Candidates({effect.name: effect}, evidence, Rules())
-    assert candidates.best(effect, projection, 10.1 * promised) is None
+    most = promised / PROMISED
+    assert candidates.best(effect, projection, 1.01 * most) is None
     assert candidates.softest is None  # nor does it look for springs below their resonance
-    assert candidates.best(effect, projection, 9.9 * promised).gain == pytest.approx(promised)
+    assert candidates.best(effect, projection, 0.99 * most).gain == pytest.approx(promised)
     assert len(followed) == 1
     # one that falls short of what is wanted is looked at more closely where less is
     assert candidates.best(effect, projection, promised).gain == pytest.approx(promised)
     assert candidates.best(effect, projection).gain == pytest.approx(promised)
     assert [asked[-1] for asked in followed] == [
-        pytest.approx(2.0 * factor * promised) for factor in (9.9, 1.0)]
+        pytest.approx(2.0 * wanted) for wanted in (0.99 * most, promised)]
 
 
 def test_springs_are_looked_at_where_their_first_order_explains_some_of_what_is_wanted(monkeypatch):

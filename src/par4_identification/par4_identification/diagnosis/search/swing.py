@@ -31,10 +31,10 @@ COARSE_STEP = 2
 """Samples from step to step of the integration in the first search."""
 LOWER_BAND = 0.5
 """Share of the frequencies of rows, the lower ones, in which counts swing a load much less."""
-PROMISED, NEAR = 0.1, 0.5
+PROMISED, NEAR = 0.2, 0.5
 """Shares of the gain that is wanted: which a first look must promise to be followed, and which it
 must promise, or compliances alone be worth, for numbers in common to be looked at. Where springs
-were found, the first look promised a quarter at the least."""
+were found, the first look promised a quarter at the least; where there were none, up to a third."""
 SWEEPS, TRIALS = 3, 100
 """Of the first look over the joints; of compliances in one descent."""
 SETTLED = 1e-4
