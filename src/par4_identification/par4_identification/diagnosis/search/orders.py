@@ -40,6 +40,9 @@ ROUNDS = 2
 """In which orders between whole ones are settled beside each other."""
 SETTLING = (0.25, 0.0625, 0.01)
 """Shares of that distance by which an order is moved to settle it."""
+BETWEEN = 2.0
+"""How many times as much an order between those that were tried gains, at the most: the nearest is
+off by an eighth of what tells two apart, of which a wave over all positions loses a twentieth."""
 WIDEST_APART = 0.5
 """Distance of orders that can be told apart up to which those between whole ones are looked for."""
 
@@ -210,16 +213,23 @@ class _Orders:
         shape, gain = best_shape(self.effect, self._shapes(
             self.tried[strong | (self.tried < LOW * self._apart)]), worth)
         order = single(shape[self.name])
-        if self._slides:
-            return self._moved(order, gain, lambda some: worth(self._shapes(some)))
-        if self._apart > WIDEST_APART:
+        if self._apart > WIDEST_APART and not self._slides:
             return order, gain
+
+        def is_idle(most: float) -> bool:  # also where it gains more between those tried
+            return bool(found) and not self.is_worth(BETWEEN * most, beside.squares)
+
+        if self._slides:
+            return (order, gain) if is_idle(gain) else self._moved(
+                order, gain, lambda some: worth(self._shapes(some)))
         found_at, most = order, gain
         between = lines.between(self.tried, self._apart)
         if len(between):
             worths = worth(self._shapes(between))
             if _is_decided(float(np.max(worths)), gain, self.rules):
                 found_at, most = float(between[np.argmax(worths)]), float(np.max(worths))
+        if is_idle(most):
+            return order, gain
         moved = self._moved(found_at, most, lambda some: worth(self._shapes(some)))
         return moved if _is_decided(moved[1], gain, self.rules) else (order, gain)
 
