@@ -15,6 +15,7 @@ from par4_dynamics.model_from_file import build_model, read_model
 from par4_dynamics.parameters import Parameter
 from par4_dynamics.state import state_of_joints
 from par4_identification.confrontation import confrontation
+from par4_identification.confrontation.closed_loop import _begun
 from par4_identification.confrontation.confrontation import (
     Unsimulated,
     confront,
@@ -44,7 +45,7 @@ from par4_sim.closed_loop.offline import simulate_to_bag
 from par4_sim.closed_loop.simulation import Simulation, build_plant, build_simulation
 from par4_sim.machines.machine_effects import machine_of_model
 from par4_sim.machines.noise import Noise
-from robots import REFERENCE, with_drives
+from robots import REFERENCE, model_with, with_drives
 
 TABLE_FILE = read_model_file('table1')
 TABLE = read_model('table1', REFERENCE)
@@ -231,6 +232,26 @@ def test_friction_that_drifts_drifts_on_the_clock_of_the_log():
     assert found.start > 4.0
     assert np.all(found.torque.extended < 1.6 * found.torque.floor)
     assert np.all(found.torque.baseline > 5.0 * found.torque.extended)
+
+
+def test_a_model_on_a_clock_that_begins_later_has_the_same_friction():
+    """All friction of a machine that is warm already, that of the effects beside the drift, too."""
+    model = model_with(TABLE, 'friction_drift', drop=0.2, viscous_drop=0.4, time_constant=3.0)
+    for name, values in (
+            ('coulomb_asymmetry', {'asymmetry': (0.3, -0.2, 0.1, 0.25)}),
+            ('viscous_asymmetry', {'asymmetry': (0.1, -0.2, 0.05, 0.15)}),
+            ('nonlinear_viscous', {'torque': (0.1, 0.05, 0.02, 0.2), 'exponent': 1.5}),
+            ('load_dependent_friction', {'coefficient': (0.05, 0.02, 0.1, 0.03)}),
+            ('stribeck', {'stribeck_torque': 0.4, 'stribeck_velocity': 0.2}),
+            ('presliding', {'distance': 3e-3}),
+            ('joint_friction_difference', {'coulomb': (0.2, -0.3, 0.1, 0.0),
+                                           'viscous': (-0.1, 0.2, 0.0, 0.05)})):
+        model = model_with(model, name, **values)
+    motion = excitation('reference', 4.0, 5)
+    early = state_of_joints(REFERENCE.geometry, motion.t, motion.q, motion.qd, motion.qdd)
+    late = replace(early, t=early.t + 1.5)
+    np.testing.assert_allclose(_begun(model, 1.5).torque(early), model.torque(late), atol=1e-9)
+    assert np.abs(model.torque(early) - model.torque(late)).max() > 0.5
 
 
 def test_a_stretch_is_calm_where_it_begins_lively_and_inside_what_is_asked(clean_log):

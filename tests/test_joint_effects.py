@@ -448,6 +448,26 @@ def test_friction_drift_is_exponential_in_time(case):
         np.testing.assert_allclose(warm[row], expected, rtol=1e-6, atol=1e-9)
 
 
+@pytest.mark.parametrize(('name', 'values', 'part'), [
+    *((name, EXAMPLES[name], 'drop') for name in (
+        'coulomb_asymmetry', 'load_dependent_friction', 'presliding')),
+    ('stribeck', {'stribeck_torque': 0.4, 'stribeck_velocity': 0.2}, 'drop'),
+    ('joint_friction_difference', {'coulomb': (0.2, -0.3, 0.1, 0.0)}, 'drop'),
+    ('joint_friction_difference', {'viscous': (-0.1, 0.2, 0.0, 0.05)}, 'viscous_drop'),
+    ('viscous_asymmetry', EXAMPLES['viscous_asymmetry'], 'viscous_drop'),
+    ('nonlinear_viscous', EXAMPLES['nonlinear_viscous'], 'viscous_drop')])
+def test_what_an_effect_adds_to_friction_falls_with_it(case, name, values, part):
+    """As on the simulated machine, where warming lowers every level of its kind of friction."""
+    _, model, state = case
+    warmth = 1.0 - np.exp(-state.t / 0.7)[:, None]
+    cold = added(model, state, name, **values)
+    assert rms(cold) > 0.01
+    for drops in ({'drop': 0.3, 'viscous_drop': 0.0}, {'drop': 0.0, 'viscous_drop': 0.4}):
+        warming = model_with(model, 'friction_drift', time_constant=0.7, **drops)
+        warm = model_with(warming, name, **values).torque(state) - warming.torque(state)
+        np.testing.assert_allclose(warm, cold * (1.0 - drops[part] * warmth), atol=1e-9)
+
+
 def test_a_model_file_with_one_drop_means_both(case):
     robot, _, state = case
     base = read_model_file('table1')

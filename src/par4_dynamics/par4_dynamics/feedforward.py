@@ -79,11 +79,11 @@ class Feedforward:
         times = stamp_ns + from_start_ns
         first = self._first_of(stamp_ns, int(times[0]))
         rows = slice(None) if len(q) > 1 else 0
+        t = (times - first) / SECOND
         torque = self._model.torque_of_joints(
-            self._robot.geometry, q[rows], qd[rows], qdd[rows],
-            ((times - first) / SECOND)[rows]).reshape(-1, LEGS)
+            self._robot.geometry, q[rows], qd[rows], qdd[rows], t[rows]).reshape(-1, LEGS)
         before = self._before(stamp_ns, int(times[0]))
-        level, shares = self._model.values['coulomb_friction'], []
+        level, shares = self._model.values['coulomb_friction'] * self._model.dry_share(t), []
         for index, active in enumerate(self._building_up):
             distance, acting = float(active.values['distance'][0]), list(active.joints)
             if before is None:

@@ -126,6 +126,21 @@ class Model:
         return sum((active.torque(state) for active in self.effects if active.effect.of_angle),
                    np.zeros_like(state.q))
 
+    def friction(self, state: State) -> dict[str, np.ndarray]:
+        """Return the friction (n, J), N m, of the effects, by the base parameter that they are part
+        of (`Effect.rubs`). The motion has its nominal torque."""
+        found: dict[str, np.ndarray] = {}
+        for active in self.effects:
+            for name, torque in active.effect.friction(state, active.values, active.joints).items():
+                found[name] = found.get(name, 0.0) + torque
+        return found
+
+    def dry_share(self, t: np.ndarray) -> np.ndarray:
+        """Return the share of its dry friction that a machine has left at times t (n,), s, (n, 1).
+        """
+        return np.prod([active.effect.dry_share(t, active.values) for active in self.effects]
+                       or [np.ones(len(t))], axis=0)[:, None]
+
     def following_torque(self, state: State) -> np.ndarray:
         """Return the torque (n, J), N m, of the effects that follow from the nominal one."""
         return sum((active.torque(state) for active in self.effects if active.effect.needs_nominal),
@@ -145,7 +160,7 @@ class Model:
         nominal = Nominal(torque_of_values(state, self._linear), self.body_torque(state) + forces,
                           self.values, self.body_torque,
                           (bound or self).angle_torque, added, forces, self.slips,
-                          self.passed_torque)
+                          self.passed_torque, self.friction)
         read = state.with_nominal(nominal)
         try:
             halfway = self._half_the_way(read)

@@ -50,6 +50,8 @@ class Nominal:
         forces: that of forces on the platform alone (`Effect.is_force`), (n, J) N m.
         slips: function of another motion; returns the friction of joints that turn with the load,
             None if it has none (`Effect.slips`).
+        friction: function of this motion; returns the friction of the effects (n, J), N m, by the
+            base parameter that they are part of (`Effect.rubs`).
         passed: function of this motion; returns what goes on behind the friction of the actuated
             joints, (n, J) N m: `load`, or what springs pass on of it while it swings.
         halfway: the motion halfway between the one read and the true one, of a machine whose
@@ -66,6 +68,7 @@ class Nominal:
     forces: np.ndarray | float = 0.0
     slips: Callable[[State], LoadFriction | None] = lambda _: None
     passed: Callable[[State], np.ndarray] = lambda state: state.known.load
+    friction: Callable[[State], Mapping[str, np.ndarray]] = lambda _: {}
     halfway: State | None = None
     true: State | None = None
 
@@ -154,6 +157,11 @@ class State:
         if self.nominal is None:
             raise TypeError('the nominal torque of this motion is not known')
         return self.nominal
+
+    @cached_property
+    def friction(self) -> Mapping[str, np.ndarray]:
+        """The friction of the effects (n, J), N m, see `Nominal.friction`."""
+        return self.known.friction(self)
 
     @property
     def halfway(self) -> State:

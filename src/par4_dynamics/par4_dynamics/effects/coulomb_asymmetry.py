@@ -14,6 +14,7 @@ class CoulombAsymmetry(Effect):
 
     name = 'coulomb_asymmetry'
     phrase = 'Coulomb friction that differs between the directions'
+    rubs = 'coulomb_friction'
     parameters = (EffectParameter('asymmetry', 'N m', 'joint'),)
     needs_both_ways = True
     told_by_speeds = True

@@ -23,11 +23,12 @@ SHARES = np.geomspace(0.05, 3.2, 7)
 
 
 class FrictionDrift(Effect):
-    """tau -= (1 - exp(-t / T)) (a f_c sign(qd) + b f_v qd), a the drop, b the viscous drop.
+    """tau -= (1 - exp(-t / T)) (a D + b V), D the dry friction, V that of the lubricant, at t = 0.
 
-    Warming thins a lubricant, so that viscous friction falls more than Coulomb friction; a model
-    that gives one number has both fall by it. t counts from the first stamp of the log; f_c and
-    f_v are those of (20), at t = 0.
+    D is f_c sign(qd) of (20) with what effects add to it, such as Stribeck friction, V f_v qd with
+    what effects add to that (`Effect.rubs`); a is the drop, b the viscous drop. Warming thins a
+    lubricant, so that V falls more than D; a model that gives one number has both fall by it. t
+    counts from the first stamp of the log.
     """
 
     name = 'friction_drift'
@@ -47,11 +48,14 @@ class FrictionDrift(Effect):
         return around('time_constant', single(shape['time_constant']),
                       (SHARES[1] / SHARES[0]) ** step)
 
+    def dry_share(self, t: np.ndarray, values: Values) -> np.ndarray:
+        return 1.0 - values['drop'][0] * _warm(t, float(values['time_constant'][0]))
+
     def columns(self, state: State, shape: Shape) -> np.ndarray:
-        warm = -np.expm1(-state.t / single(shape['time_constant']))[:, None]
-        values = state.known.values
-        return np.stack((-warm * values['coulomb_friction'] * state.direction,
-                         -warm * values['viscous_friction'] * state.qd), axis=-1)
+        warm = _warm(state.t, single(shape['time_constant']))[:, None]
+        return np.stack([
+            -warm * (state.known.values[name] * of_level + state.friction.get(name, 0.0))
+            for name, of_level in zip(FRICTION, (state.direction, state.qd))], axis=-1)
 
     def begun(self, values: Values, base: Base, begin: float) -> tuple[Values, Base]:
         # 1 - a (1 - exp(-(t + b) / T)) = c (1 - a' (1 - exp(-t / T))), a the drop, b the beginning,
@@ -78,3 +82,8 @@ class FrictionDrift(Effect):
 
     def signature(self, state: State) -> Signature:
         return Signature(np.broadcast_to(state.t[:, None], state.q.shape), 'time, s')
+
+
+def _warm(t: np.ndarray, time_constant: float) -> np.ndarray:
+    """Return how much of the way from cold to warm has gone at times t (n,), 0 to 1."""
+    return -np.expm1(-t / time_constant)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from par4_dynamics.effects.effect import (
@@ -29,6 +31,15 @@ class JointFrictionDifference(Effect):
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         return np.stack((state.direction, state.qd), axis=-1)
+
+    def friction(self, state: State, values: Values, joints: tuple[int, ...]
+                 ) -> dict[str, np.ndarray]:
+        none = np.zeros_like(values['coulomb'])
+        return {base: self.torque(state, {'coulomb': none, 'viscous': none, name: values[name]},
+                                  joints) for name, base in _BASE.items()}
+
+    def lowered(self, values: Values, shares: Mapping[str, np.ndarray]) -> Values:
+        return {name: shares[base] * values[name] for name, base in _BASE.items()}
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         for parameter in self.parameters:

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from par4_dynamics.base_terms import FRICTION
 from par4_dynamics.effects.effect import Base
 from par4_dynamics.model import Model
 from par4_dynamics.state import state_of_joints
@@ -50,6 +51,10 @@ def _begun(model: Model, begin: float) -> Model:
     for active in model.effects:
         values, base = active.effect.begun(active.values, base, begin)
         effects.append(replace(active, values=dict(values)))
+    levels = {name: np.divide(base[name], model.values[name], out=np.ones(len(base[name])),
+                              where=model.values[name] != 0.0) for name in FRICTION}
+    effects = [replace(active, values=dict(active.effect.lowered(active.values, levels)))
+               for active in effects]
     return replace(model, effects=tuple(effects), values=dict(base))
 
 
