@@ -25,6 +25,9 @@ from experiments import (
     weight_energy,
 )
 
+from par4_dynamics.effects.catalogue import CATALOGUE
+from par4_sim.machines.machine_effects import ON_JOINTS
+
 COULOMB, VISCOUS = TABLE['coulomb_friction'], TABLE['viscous_friction']
 SPEEDS = (0.06, -0.06, 0.3, -0.3, 1.5, -1.5)
 RISE = np.array((1.2, 0.5, 0.8, 0.0))
@@ -118,6 +121,12 @@ def test_code_switches_friction_on_as_a_model_does():
     torque, _ = journey(machine, 'exact', 0.06)
     expected, _ = journey(machine_of(LAWS['stribeck'][0]), 'exact', 0.06)
     np.testing.assert_array_equal(torque, expected)
+
+
+def test_every_effect_that_is_friction_of_the_machine_says_of_which_kind():
+    """So that warmth lowers it in a model as it does on the machine."""
+    parts = {name for name, (part, _) in ON_JOINTS.items() if part == 'friction'}
+    assert {name for name, effect in CATALOGUE.items() if effect.rubs is not None} == parts
 
 
 # --------------------------------------------------------------------------- sticking
