@@ -402,7 +402,7 @@ def test_springs_are_looked_at_where_their_first_order_explains_some_of_what_is_
     assert looked == [projection]
 
 
-def test_orders_are_weighed_against_what_is_quicker_unless_all_are_asked_for(monkeypatch):
+def test_orders_are_weighed_against_what_is_quicker_unless_less_is_wanted(monkeypatch):
     """What the noise model must not take for noise is sought in full, however little it is."""
     def best(_self, effect, **asked_for):
         asked[effect.name] = asked_for['wanted']
@@ -413,10 +413,10 @@ def test_orders_are_weighed_against_what_is_quicker_unless_all_are_asked_for(mon
     evidence = evidence_of_axis(1.0 / (LOAD * (2.0 * np.pi * 22.0) ** 2))
     library = {name: CATALOGUE[name] for name in ('elastic_transmission', 'cogging', 'stribeck')}
     candidates, projection = Candidates(library, evidence, Rules()), project(evidence, [])
-    for in_full, wanted in ((False, 7.0), (True, 0.0)):
+    for wanted, found in (({}, (7.0, 9.0)), ({'wanted': 0.0}, (0.0, 0.0))):
         asked = {}
-        candidates.all_of(projection, set(), orders_in_full=in_full)
-        assert asked == {'stribeck': 0.0, 'cogging': wanted, 'elastic_transmission': 9.0}
+        candidates.all_of(projection, set(), **wanted)
+        assert asked == {'stribeck': 0.0, 'cogging': found[0], 'elastic_transmission': found[1]}
 
 
 def test_springs_are_weighed_against_the_best_of_the_other_effects(monkeypatch):

@@ -109,23 +109,19 @@ class Candidates:
             self._searched[key] = 0.0 if is_whole else wanted, found
         return found
 
-    def all_of(self, projection: Projection, without: set[str], wanted: float | None = None,
-               orders_in_full: bool = False) -> list[Candidate]:
+    def all_of(self, projection: Projection, without: set[str], wanted: float | None = None
+               ) -> list[Candidate]:
         """Return the best shape of each effect that is not among the names `without`.
 
         Args:
             projection, wanted: of `best`; unless given, what the best of the quicker effects gains
                 is wanted of periodic torques and of springs, whose searches take longest.
             without: names.
-            orders_in_full: whether periodic torques are sought to the last order, whatever the
-                others explain.
         """
         effects = [effect for name, effect in self.library.items() if name not in without]
         found: list[Candidate] = []
         for slowness in sorted(set(map(_slowness, effects))):
             least = max((item.gain for item in found), default=0.0) if wanted is None else wanted
-            if orders_in_full and slowness == ORDERS:
-                least = 0.0
             found += [item for item in side_by_side(
                 partial(self.best, projection=projection, wanted=least),
                 [effect for effect in effects if _slowness(effect) == slowness])

@@ -66,7 +66,7 @@ def whitener_of(observations: Observations, sigma: np.ndarray, library: Mapping[
         return flat_whitener(observations, _noise_of_plateaus(observations))
     flat = gather(observations, flat_whitener(observations, sigma))
     projection, counts = project(flat, []), Counts(moved)
-    found = Candidates(library, flat, rules).all_of(projection, set(), orders_in_full=True)
+    found = Candidates(library, flat, rules).all_of(projection, set(), wanted=0.0)
     richest = [item.hypothesis for item in found if counts.imitate(
         projection, item.hypothesis, BY_COUNTS * item.gain) < BY_COUNTS * item.gain]
     left = residuals(observations, richest, solve(flat, richest))
