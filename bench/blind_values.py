@@ -19,9 +19,11 @@ from typing import Any
 
 import numpy as np
 
+from par4_dynamics.effects.catalogue import CATALOGUE
+
 LEFT_OUT = {'backlash': 'its gap is read from how rattling looks, not fitted'}
 """Effect -> why its parameters are not compared."""
-DIFFERENCES = {'joint_friction_difference', 'joint_inertia_difference', 'drive_gain_error'}
+DIFFERENCES = {name for name, effect in CATALOGUE.items() if effect.against_the_others}
 """Effects whose common part the base parameters have."""
 HIDDEN_AS = {('theta_inertia', 'inertia'): 'theta_inertia',
              ('joint_inertia_difference', 'inertia'): 'actuator_inertia',

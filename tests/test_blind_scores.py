@@ -124,6 +124,10 @@ def test_differences_are_measured_against_the_joints_not_named():
     (friction,) = numbers_of('joint_friction_difference', {'coulomb': [0.2, 0.0, 0.0, 0.0]}, [0],
                              {'coulomb': [0.2]}, {'coulomb': [0.01]})
     assert friction.truth == pytest.approx(0.2)
+    weights = numbers_of('arm_weight_difference', {'first_moment': [0.03, -0.02, 0.01, 0.02]},
+                         [0, 1, 2], {'first_moment': [0.01, -0.04, -0.01]},
+                         {'first_moment': [1e-3] * 3})
+    assert [number.truth for number in weights] == pytest.approx([0.01, -0.04, -0.01])
     assert not numbers_of('joint_friction_difference', {'coulomb': [0.2, 0.1, 0.0, 0.3]},
                           [0, 1, 2, 3], {'coulomb': [0.1, 0.0, -0.1, 0.2]},
                           {'coulomb': [0.1] * 4})
