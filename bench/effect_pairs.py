@@ -24,6 +24,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_identification.signals.rows import runs_of_log
 from par4_sim.machines.machine_effects import machine_of_model
 from par4_sim.machines.noise import Noise
@@ -100,6 +101,7 @@ def main(asked: list[str]) -> None:
                 ', '.join(f'{alone[name][part]:.3f}' for name in pair) for part in (0, 1)))
     console = Console()
     console.print(table)
+    console.print('no values here for', ', '.join(sorted(set(CATALOGUE) - set(VALUES))))
     console.print(f'{len(worse) - table.row_count} of {len(worse)} pairs leave less than {MORE} '
                   f'N m beyond what both do')
 

@@ -126,7 +126,7 @@ def test_code_switches_friction_on_as_a_model_does():
 def test_every_effect_that_is_friction_of_the_machine_says_of_which_kind():
     """So that warmth lowers it in a model as it does on the machine."""
     parts = {name for name, (part, _) in ON_JOINTS.items() if part == 'friction'}
-    assert {name for name, effect in CATALOGUE.items() if effect.rubs is not None} == parts
+    assert {name for name, effect in CATALOGUE.items() if effect.friction_term is not None} == parts
 
 
 # --------------------------------------------------------------------------- sticking

@@ -11,6 +11,7 @@ from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.model_file import ModelFile
 from par4_dynamics.model_from_file import build_model
 from par4_identification.diagnosis.evidence.projection import project
+from par4_identification.diagnosis.search.candidates import Candidates
 from par4_identification.diagnosis.search.orders import _Orders, best_orders
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.shapes import shapes_of
@@ -37,3 +38,16 @@ def test_the_place_of_an_order_is_sought_where_the_order_may_be_worth_it(monkeyp
                            project(evidence, ()), Rules())
     assert shape['periods'] == pytest.approx(order, rel=1e-3)
     assert len(moved) == 1
+
+
+def test_orders_that_were_given_up_are_sought_where_less_is_wanted():
+    machine, cogging = axis(), CATALOGUE['cogging']
+    q = 3.0 * np.pi * (np.sin(0.5 * T) + 0.3 * np.sin(1.3 * T + 0.4))
+    log = log_of(machine, T, q[:, None], 0.3 * np.sin(14.0 * q)[:, None], 3)
+    evidence = evidence_of(log, machine, build_model(machine, RIGID))
+    candidates = Candidates({'cogging': cogging}, evidence, Rules())
+    projection = project(evidence, ())
+    assert candidates.best(cogging, projection, 1e9) is None
+    found = candidates.best(cogging, projection, 1.0)
+    assert found.hypothesis.shape == {'periods': 14.0}
+    assert candidates.best(cogging, projection, 1e9) is found

@@ -128,7 +128,7 @@ class Model:
 
     def friction(self, state: State) -> dict[str, np.ndarray]:
         """Return the friction (n, J), N m, of the effects, by the base parameter that they are part
-        of (`Effect.rubs`). The motion has its nominal torque."""
+        of (`Effect.friction_term`). The motion has its nominal torque."""
         found: dict[str, np.ndarray] = {}
         for active in self.effects:
             for name, torque in active.effect.friction(state, active.values, active.joints).items():

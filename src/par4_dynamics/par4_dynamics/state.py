@@ -51,7 +51,7 @@ class Nominal:
         slips: function of another motion; returns the friction of joints that turn with the load,
             None if it has none (`Effect.slips`).
         friction: function of this motion; returns the friction of the effects (n, J), N m, by the
-            base parameter that they are part of (`Effect.rubs`).
+            base parameter that they are part of (`Effect.friction_term`).
         passed: function of this motion; returns what goes on behind the friction of the actuated
             joints, (n, J) N m: `load`, or what springs pass on of it while it swings.
         halfway: the motion halfway between the one read and the true one, of a machine whose

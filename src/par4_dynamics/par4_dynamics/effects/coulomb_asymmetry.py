@@ -14,7 +14,7 @@ class CoulombAsymmetry(Effect):
 
     name = 'coulomb_asymmetry'
     phrase = 'Coulomb friction that differs between the directions'
-    rubs = 'coulomb_friction'
+    friction_term = 'coulomb_friction'
     parameters = (EffectParameter('asymmetry', 'N m', 'joint'),)
     needs_both_ways = True
     told_by_speeds = True

@@ -131,8 +131,8 @@ class Effect(ABC):
             shift, or carry with friction or on springs.
         is_force: whether its torque is that of a force on the platform, so that it is part of the
             load that others carry with friction or on springs.
-        rubs: the friction of (20) that its torque is part of, so that both fall by the same share
-            while a machine warms up: a name of `FRICTION`, or None.
+        friction_term: the friction of (20) that its torque is part of, so that both fall by the
+            same share while a machine warms up: a name of `FRICTION`, or None.
         of_angle: whether its torque is bound to where a joint is, like teeth, so that it moves with
             the zero of the encoder.
         fixed_coefficients: whether the coefficients are 1 on any machine that has it, so that only
@@ -174,7 +174,7 @@ class Effect(ABC):
     needs_nominal: ClassVar[bool] = False
     is_body: ClassVar[bool] = False
     is_force: ClassVar[bool] = False
-    rubs: ClassVar[str | None] = None
+    friction_term: ClassVar[str | None] = None
     of_angle: ClassVar[bool] = False
     fixed_coefficients: ClassVar[bool] = False
     fixed_range: ClassVar[tuple[float, float]] = (0.5, 1.5)
@@ -306,7 +306,9 @@ class Effect(ABC):
     def friction(self, state: State, values: Values, joints: tuple[int, ...]
                  ) -> dict[str, np.ndarray]:
         """Return the parts of its torque (n, J), N m, that are friction, by names of `FRICTION`."""
-        return {} if self.rubs is None else {self.rubs: self.torque(state, values, joints)}
+        if self.friction_term is None:
+            return {}
+        return {self.friction_term: self.torque(state, values, joints)}
 
     def dry_share(self, t: np.ndarray, values: Values) -> np.ndarray:
         """Return the share of dry friction that the effect leaves at times t (n,), s."""
@@ -319,9 +321,9 @@ class Effect(ABC):
             values: of all parameters.
             shares: level over that of the values (J,), by the names of `FRICTION`.
         """
-        if self.rubs is None or self.fixed_coefficients:  # these are shares of that level
+        if self.friction_term is None or self.fixed_coefficients:  # these are shares of that level
             return values
-        return {**values, **{parameter.name: shares[self.rubs] * values[parameter.name]
+        return {**values, **{parameter.name: shares[self.friction_term] * values[parameter.name]
                              for parameter in self.parameters if parameter.is_size}}
 
     def begun(self, values: Values, base: Base, begin: float) -> tuple[Values, Base]:

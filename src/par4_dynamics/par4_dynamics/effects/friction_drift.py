@@ -26,9 +26,9 @@ class FrictionDrift(Effect):
     """tau -= (1 - exp(-t / T)) (a D + b V), D the dry friction, V that of the lubricant, at t = 0.
 
     D is f_c sign(qd) of (20) with what effects add to it, such as Stribeck friction, V f_v qd with
-    what effects add to that (`Effect.rubs`); a is the drop, b the viscous drop. Warming thins a
-    lubricant, so that V falls more than D; a model that gives one number has both fall by it. t
-    counts from the first stamp of the log.
+    what effects add to that (`Effect.friction_term`); a is the drop, b the viscous drop. Warming
+    thins a lubricant, so that V falls more than D; a model that gives one number has both fall by
+    it. t counts from the first stamp of the log.
     """
 
     name = 'friction_drift'

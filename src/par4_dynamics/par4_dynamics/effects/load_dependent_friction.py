@@ -23,7 +23,7 @@ class LoadDependentFriction(Effect):
 
     name = 'load_dependent_friction'
     phrase = 'friction that grows with the load'
-    rubs = 'coulomb_friction'
+    friction_term = 'coulomb_friction'
     parameters = (EffectParameter(
         'coefficient', '1', 'joint',
         meaning='of the torque of all bodies, the actuator among them, and of forces on the '

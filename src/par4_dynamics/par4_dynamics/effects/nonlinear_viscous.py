@@ -41,7 +41,7 @@ class NonlinearViscous(Effect):
     name = 'nonlinear_viscous'
     told_by_speeds = True
     phrase = 'friction that is not linear in speed'
-    rubs = 'viscous_friction'
+    friction_term = 'viscous_friction'
     parameters = (EffectParameter('quadratic', 'N m s2/rad2', 'joint', default=0.0,
                                   at_unit_speed=True),
                   EffectParameter('torque', 'N m', 'joint', default=0.0, at_unit_speed=True),

@@ -89,7 +89,7 @@ class Presliding(Effect):
 
     name = 'presliding'
     phrase = 'elastic presliding before friction breaks away'
-    rubs = 'coulomb_friction'
+    friction_term = 'coulomb_friction'
     parameters = (EffectParameter(
         'distance', 'rad', 'machine', is_shape=True, positive=True,
         meaning='D of dz/dq = (1 - z sign(qd)) / D, with z = 0 at the first stamp'),)

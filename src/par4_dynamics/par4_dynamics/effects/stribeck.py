@@ -36,7 +36,7 @@ class Stribeck(Effect):
     told_by_speeds = True
     law = 'exponent'
     phrase = 'Stribeck friction'
-    rubs = 'coulomb_friction'
+    friction_term = 'coulomb_friction'
     parameters = (EffectParameter('stribeck_torque', 'N m', 'joint'),
                   EffectParameter('stribeck_velocity', 'rad/s', 'joint', is_shape=True,
                                   positive=True),

@@ -14,7 +14,7 @@ class ViscousAsymmetry(Effect):
 
     name = 'viscous_asymmetry'
     phrase = 'viscous friction that differs between the directions'
-    rubs = 'viscous_friction'
+    friction_term = 'viscous_friction'
     parameters = (EffectParameter('asymmetry', 'N m s/rad', 'joint'),)
     needs_both_ways = True
     told_by_speeds = True
