@@ -321,7 +321,7 @@ class Effect(ABC):
             values: of all parameters.
             shares: level over that of the values (J,), by the names of `FRICTION`.
         """
-        if self.friction_term is None or self.fixed_coefficients:  # these are shares of that level
+        if self.friction_term is None:
             return values
         return {**values, **{parameter.name: shares[self.friction_term] * values[parameter.name]
                              for parameter in self.parameters if parameter.is_size}}
