@@ -72,6 +72,15 @@ def test_friction_of_joints_with_distances_of_their_own_goes_on():
     np.testing.assert_allclose(told, whole_torque(model, 1000), rtol=0.0, atol=1e-8)
 
 
+def test_what_goes_on_has_the_level_of_joint_and_direction_and_the_scale_of_the_drive():
+    model = model_of(PRESLIDING, DRIFT, entry('drive_gain_error', relative=(0.3, -0.2, 0.0, 0.4)),
+                     entry('torque_ripple', relative=0.2, periods=11.0, phase=0.3),
+                     entry('coulomb_asymmetry', asymmetry=(0.5, -0.3, 0.4, 0.2)),
+                     entry('joint_friction_difference', coulomb=(0.6, -0.5, 0.3, 0.0)))
+    told = effort_of_messages(Feedforward(REFERENCE, model), 10, 1000)
+    np.testing.assert_allclose(told, whole_torque(model, 1000), rtol=0.0, atol=1e-8)
+
+
 def test_a_way_that_takes_the_place_of_points_goes_on_from_those_before_it():
     """Several ways to rest are sent, the one that begins last first."""
     model = model_of(entry('presliding', distance=0.05))

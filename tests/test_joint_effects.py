@@ -12,7 +12,7 @@ from par4_dynamics.effects.catalogue import CATALOGUE, SEVERAL_ORDERS
 from par4_dynamics.effects.effect import FAST, beyond
 from par4_dynamics.effects.guide import GUIDES
 from par4_dynamics.effects.springs import DAMPING_RATIO, Springs
-from par4_dynamics.effects.transmission import MOTOR_SHARE
+from par4_dynamics.effects.transmission import MOTOR_SHARE, motor_side
 from par4_dynamics.model_file import EffectEntry, ModelFile, read_model_file, write_model_file
 from par4_dynamics.model_from_file import build_model, read_model
 from par4_dynamics.parameters import Parameter
@@ -564,6 +564,16 @@ def test_arm_mass_offset_is_the_slope_of_potential_energy(case):
 
 
 # -------------------------------------------------------------------------- drives and records
+
+
+def test_a_motor_with_more_inertia_takes_more_of_what_its_spring_would_pass_on(case):
+    """Half of the actuator's inertia turns with the motor, that of its own difference, too."""
+    _, model, state = case
+    inertia = np.array((0.02, -0.01, 0.015, 0.0))
+    model = model_with(model, 'joint_inertia_difference', inertia=inertia)
+    state = state.with_nominal(model.nominal(state))
+    expected = 0.5 * (model.values['actuator_inertia'] + inertia) * state.qdd
+    np.testing.assert_allclose(motor_side(state, state.qdd, 0.5), expected)
 
 
 def test_drive_gain_error_scales_the_record(case):

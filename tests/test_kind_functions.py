@@ -28,7 +28,7 @@ def run_of(q, torque):
     """Return a run of one joint at these positions, with the nominal torque."""
     zeros = np.zeros((len(T), 1))
     return State(T, q[:, None], zeros, zeros, nominal=Nominal(
-        torque[:, None], zeros, {}, lambda _state: zeros, lambda _state: zeros))
+        torque[:, None], zeros, {}, lambda _state: zeros, lambda _state: zeros, {}))
 
 
 def test_a_spring_has_its_rest_in_one_place_wherever_a_run_begins():

@@ -249,14 +249,38 @@ def test_a_load_that_swings_turns_its_own_joints_with_friction(name, values):
     assert left(blind) > 8.0 * left(state)
 
 
-def test_a_ripple_scales_forces_on_the_platform():
-    model = model_of(entry('torque_ripple', relative=0.05, periods=20.0, phase=0.4),
-                     entry('cable_spring', **FORCES['cable_spring']))
+ON_EACH_OTHER = [
+    *((name, other) for name in ('drive_gain_error', 'torque_ripple') for other in (
+        'payload', 'torque_offset', 'external_force', 'cable_spring', 'friction_drift',
+        'actuator_lag')),
+    ('base_tilt', 'payload'), ('base_tilt', 'arm_weight_difference'),
+    ('presliding', 'coulomb_asymmetry'), ('presliding', 'joint_friction_difference'),
+    ('encoder_eccentricity', 'joint_friction_difference'), ('time_offset', 'presliding')]
+LARGE = {**EXAMPLES, **FORCES, 'drive_gain_error': {'relative': (0.5, -0.4, 0.3, 0.6)},
+         'torque_ripple': {**EXAMPLES['torque_ripple'], 'relative': (0.2, 0.15, 0.18, 0.1)},
+         'payload': {'mass': 3.0, 'half': 2}, 'actuator_lag': {'time_constant': 5e-3},
+         'torque_offset': {'offset': (2.0, -1.5, 1.0, 2.0)},
+         'friction_drift': {'drop': 0.5, 'viscous_drop': 0.6, 'time_constant': 0.5},
+         'presliding': {'distance': 0.04},
+         'coulomb_asymmetry': {'asymmetry': (1.0, -0.8, 0.6, 0.9)},
+         'joint_friction_difference': {'coulomb': (0.8, -0.8, 0.6, 0.5),
+                                       'viscous': (1.5, 2.0, 1.0, 3.0)},
+         'encoder_eccentricity': {'amplitude': (0.02, 0.015, 0.01, 0.02),
+                                  'phase': (0.5, -1.0, 2.0, 0.0)},
+         'arm_weight_difference': {'first_moment': (0.6, -0.3, 0.4, 0.5)}}
+
+
+@pytest.mark.parametrize(('name', 'other'), ON_EACH_OTHER)
+def test_what_two_effects_do_together_is_that_of_the_model_with_both(name, other):
+    """A wrong gain scales a payload, a tilt lets it pull aside: more than both by themselves."""
+    entries = [entry(part, **LARGE[part]) for part in (name, other)]
+    model = model_of(*entries)
     _, state, found, where = recorded(model)
-    ripple, cable = (active.torque(state) for active in model.effects)
-    assert_alike(found - cable, ripple, where, 0.01)
-    without = replace(state, nominal=replace(state.nominal, forces=0.0))
-    assert rms(model.effects[0].torque(without) - ripple, where) > 0.1 * rms(ripple, where)
+    expected = model.torque(state) - state.nominal.torque
+    apart = sum(model_of(part).torque(state) - state.nominal.torque for part in entries)
+    together = rms(expected - apart, where)
+    assert together > 0.02
+    assert rms(found - expected, where) < 0.3 * together
 
 
 def test_friction_grows_with_what_springs_pass_on():

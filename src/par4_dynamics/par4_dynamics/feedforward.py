@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from par4_dynamics.effects.presliding import Presliding, built_up
+from par4_dynamics.effects.presliding import Presliding, built_up, levels_of, plateaus
 from par4_dynamics.model import Model
+from par4_dynamics.state import State
 from par4_kinematics.geometry import LEGS
 from par4_kinematics.limits import check_points, check_torque
 from par4_kinematics.robot import Robot
@@ -83,7 +84,8 @@ class Feedforward:
         torque = self._model.torque_of_joints(
             self._robot.geometry, q[rows], qd[rows], qdd[rows], t[rows]).reshape(-1, LEGS)
         before = self._before(stamp_ns, int(times[0]))
-        level, shares = self._model.values['coulomb_friction'] * self._model.dry_share(t), []
+        level, asymmetry = levels_of(self._model.whole)
+        told, shares = self._model.dry_share(t) * self._model.scale(State(t, q, qd, qdd)), []
         for index, active in enumerate(self._building_up):
             distance, acting = float(active.values['distance'][0]), list(active.joints)
             if before is None:
@@ -91,7 +93,9 @@ class Feedforward:
             else:
                 share = built_up(np.concatenate((before.q, q)), distance,
                                  before.shares[index])[1:]
-            torque[:, acting] += (level * (share - built_up(q, distance)))[:, acting]
+            torque[:, acting] += (told * (
+                plateaus(level, asymmetry, share)
+                - plateaus(level, asymmetry, built_up(q, distance))))[:, acting]
             shares.append(share)
         check_torque(self._robot, torque, self._limit)
         if stamp_ns:

@@ -100,8 +100,7 @@ class Model:
 
     def force_torque(self, state: State) -> np.ndarray:
         """Return the torque of the effects that are forces on the platform, (n, J) N m."""
-        return sum((active.torque(state) for active in self.effects if active.effect.is_force),
-                   np.zeros_like(state.q))
+        return self._torque_of(state, lambda effect: effect.is_force)
 
     def passed_torque(self, state: State) -> np.ndarray:
         """Return what goes on behind the friction of joints, of a motion with its nominal torque.
@@ -121,10 +120,13 @@ class Model:
     def angle_torque(self, state: State) -> np.ndarray:
         """Return the torque of the effects that are bound to where each joint is, (n, J) N m.
 
-        The motion has its nominal torque, which some of them scale with.
+        The motion has its nominal torque, which some of them scale with; not that of effects which
+        follow from it, as zeros of encoders follow from the angles.
         """
-        return sum((active.torque(state) for active in self.effects if active.effect.of_angle),
-                   np.zeros_like(state.q))
+        known = state.known
+        nominal = replace(known, unscaled=lambda _: known.added, following=lambda _: 0.0,
+                          scaling=lambda _: 0.0)
+        return self._torque_of(state.with_nominal(nominal), lambda effect: effect.of_angle)
 
     def friction(self, state: State) -> dict[str, np.ndarray]:
         """Return the friction (n, J), N m, of the effects, by the base parameter that they are part
@@ -143,24 +145,63 @@ class Model:
 
     def following_torque(self, state: State) -> np.ndarray:
         """Return the torque (n, J), N m, of the effects that follow from the nominal one."""
-        return sum((active.torque(state) for active in self.effects if active.effect.needs_nominal),
+        return self._torque_of(state, lambda effect: effect.needs_nominal)
+
+    def scaling_torque(self, state: State) -> np.ndarray:
+        """Return the torque (n, J), N m, of those that scale what the drives deliver."""
+        return self._torque_of(state, lambda effect: effect.scales)
+
+    def own_torque(self, state: State) -> np.ndarray:
+        """Return the torque (n, J), N m, of those that follow from the nominal one in the machine.
+
+        What is told of it, in whatever scale, and recorded, late or not, follows from it.
+        """
+        return self._torque_of(state, lambda effect: effect.needs_nominal and not (
+            effect.retimes or effect.scales))
+
+    def scale(self, state: State) -> np.ndarray | float:
+        """Return what drives tell of a torque over that torque, (n, J), or 1; it follows from q."""
+        if not any(active.effect.scales for active in self.effects):
+            return 1.0
+        one = Nominal(np.ones_like(state.q), state.q, self.values, self.body_torque,
+                      self.angle_torque, self.whole)
+        return 1.0 + self.scaling_torque(state.with_nominal(one))
+
+    def unscaled_torque(self, state: State) -> np.ndarray:
+        """Return the torque (n, J), N m, of all effects of the machine itself."""
+        return self._torque_of(state, lambda effect: not (effect.scales or effect.retimes))
+
+    def _torque_of(self, state: State, has: Callable[[Effect], bool]) -> np.ndarray:
+        return sum((active.torque(state) for active in self.effects if has(active.effect)),
                    np.zeros_like(state.q))
+
+    @cached_property
+    def whole(self) -> dict[str, np.ndarray]:
+        """The base parameters (J,) with what effects add to them (`Effect.base_part`)."""
+        whole = {name: value.astype(float) for name, value in self.values.items()}
+        for active in self.effects:
+            joints = list(active.joints)
+            for name, part in active.effect.base_part(active.values).items():
+                whole.setdefault(name, np.zeros(len(part)))[joints] += part[joints]
+        return whole
 
     def nominal(self, state: State, bound: Model | None = None) -> Nominal:
         """Return the nominal torque of a motion, which effects need that scale or shift torque.
 
         Args:
             state: the motion.
-            bound: the model whose effects are bound to where joints are (`angle_torque`), this one
-                by default. A search fits the others by the angle that is read.
+            bound: the model whose effects are bound to where joints are (`angle_torque`) and are
+                scaled by drives (`unscaled_torque`), this one by default. A search fits the others
+                by the angle that is read, in the scale of the record.
         """
+        bound = bound or self
         added = sum(active.torque(state) for active in self.effects
                     if not active.effect.needs_nominal)
         forces = self.force_torque(state)
         nominal = Nominal(torque_of_values(state, self._linear), self.body_torque(state) + forces,
-                          self.values, self.body_torque,
-                          (bound or self).angle_torque, added, forces, self.slips,
-                          self.passed_torque, self.friction)
+                          self.values, self.body_torque, bound.angle_torque, self.whole, added,
+                          bound.unscaled_torque, self.scale(state), self.own_torque,
+                          self.scaling_torque, self.slips, self.passed_torque, self.friction)
         read = state.with_nominal(nominal)
         try:
             halfway = self._half_the_way(read)

@@ -37,17 +37,24 @@ class Nominal:
     """The nominal torque of a motion, which effects need that scale or shift torque.
 
     Attributes:
-        torque: of the model without effects, (n, J) N m. A gain that scaled that of an effect, too,
-            could stand in the place of the effect, with base values that shrink.
+        torque: of the model without effects, (n, J) N m.
         load: the torque that the joints carry behind their friction, (n, J) N m: of all bodies and
             of forces on the platform, those among the effects (`Effect.is_body`, `is_force`).
         values: base parameter name -> (J,).
+        whole: the same with what effects add to them (`Effect.base_part`).
         body_torque: function of another motion; returns the torque of its bodies, (n, J) N m, which
             is `load` without the forces.
         angle_torque: function of another motion; returns the torque of the effects that are bound
             to where each joint is (`Effect.of_angle`), (n, J) N m.
         added: torque of the effects whose torque does not depend on the nominal one, (n, J) N m.
-        forces: that of forces on the platform alone (`Effect.is_force`), (n, J) N m.
+        unscaled: function of this motion; returns the torque of the effects that a wrong scale of a
+            drive scales with `torque`, (n, J) N m. While causes are sought, they are those known
+            before: a gain that scaled a found one, too, could stand in its place. `scale` does
+            that in the columns of the others.
+        scale: recorded over delivered torque, (n, J), as far as known.
+        following: function of this motion; returns the torque of the effects that follow from the
+            nominal one, but for those that scale or retime it, (n, J) N m.
+        scaling: the same of those that scale it (`Effect.scales`).
         slips: function of another motion; returns the friction of joints that turn with the load,
             None if it has none (`Effect.slips`).
         friction: function of this motion; returns the friction of the effects (n, J), N m, by the
@@ -64,8 +71,12 @@ class Nominal:
     values: Mapping[str, np.ndarray]
     body_torque: Callable[[State], np.ndarray]
     angle_torque: Callable[[State], np.ndarray]
+    whole: Mapping[str, np.ndarray]
     added: np.ndarray | float = 0.0
-    forces: np.ndarray | float = 0.0
+    unscaled: Callable[[State], np.ndarray | float] = lambda _: 0.0
+    scale: np.ndarray | float = 1.0
+    following: Callable[[State], np.ndarray | float] = lambda _: 0.0
+    scaling: Callable[[State], np.ndarray | float] = lambda _: 0.0
     slips: Callable[[State], LoadFriction | None] = lambda _: None
     passed: Callable[[State], np.ndarray] = lambda state: state.known.load
     friction: Callable[[State], Mapping[str, np.ndarray]] = lambda _: {}
@@ -73,8 +84,8 @@ class Nominal:
     true: State | None = None
 
     @property
-    def delivered(self) -> np.ndarray:
-        """The torque that the drives deliver as far as known, (n, J) N m."""
+    def independent(self) -> np.ndarray:
+        """The torque of all that does not follow from other torques, (n, J) N m."""
         return self.torque + self.added
 
 
@@ -162,6 +173,21 @@ class State:
     def friction(self) -> Mapping[str, np.ndarray]:
         """The friction of the effects (n, J), N m, see `Nominal.friction`."""
         return self.known.friction(self)
+
+    @cached_property
+    def delivered(self) -> np.ndarray:
+        """The torque that the drives deliver, (n, J) N m."""
+        return self.known.independent + self.known.following(self)
+
+    @cached_property
+    def scaled(self) -> np.ndarray:
+        """That of it which a wrong scale of a drive scales, (n, J) N m; see `Nominal.unscaled`."""
+        return self.known.torque + self.known.unscaled(self)
+
+    @cached_property
+    def told(self) -> np.ndarray:
+        """What the drives tell of it, in whatever scale, (n, J) N m; a record may have it late."""
+        return self.delivered + self.known.scaling(self)
 
     @property
     def halfway(self) -> State:

@@ -32,7 +32,7 @@ class ActuatorLag(Effect):
     needs_both_ways = True
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
-        return time_rate(state, state.known.delivered)[..., None]
+        return time_rate(state, state.told)[..., None]
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         constant = float(values['time_constant'][0])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from par4_dynamics.effects.arm_moment import unlike_an_arm
@@ -32,6 +34,9 @@ class ArmWeightDifference(Effect):
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         return (-GRAVITY * np.cos(state.q))[..., None]
+
+    def base_part(self, values: Values) -> Mapping[str, np.ndarray]:
+        return {'arm_gravity': GRAVITY * values['first_moment']}
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         return unlike_an_arm(values, std, base, 'weight by which one arm differs')

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from par4_dynamics.effects.effect import Base, Values, beyond
 
+ASYMMETRY = 'coulomb_asymmetry'
+"""Half the difference of dry friction between the directions, N m, beside base parameters."""
+
 
 def driving_one_way(values: Values, std: Values, base: Base, friction: str, unit: str
                     ) -> str | None:

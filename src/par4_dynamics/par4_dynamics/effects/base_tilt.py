@@ -47,7 +47,7 @@ class BaseTilt(Effect):
 
     def _torque(self, state, change):
         """Return the torque (n, 4) of a change of gravity along x and y, (2,) m/s2."""
-        values, theta = state.known.values, state.platform.x[:, 3]
+        values, theta = state.known.whole, state.platform.x[:, 3]
         azimuth = np.array(state.platform.geometry.actuator_azimuth)
         pull = np.zeros_like(state.platform.x)
         pull[:, :2] = change

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
-from par4_dynamics.effects.asymmetry import driving_one_way
+from par4_dynamics.effects.asymmetry import ASYMMETRY, driving_one_way
 from par4_dynamics.effects.effect import Base, Effect, EffectParameter, Shape, Signature, Values
 from par4_dynamics.state import State
 
@@ -21,6 +23,9 @@ class CoulombAsymmetry(Effect):
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         return (state.qd != 0.0).astype(float)[..., None]
+
+    def base_part(self, values: Values) -> Mapping[str, np.ndarray]:
+        return {ASYMMETRY: values['asymmetry']}
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         return driving_one_way(values, std, base, 'Coulomb', 'N m')

@@ -28,12 +28,10 @@ class DriveGainError(Effect):
     against_the_others = True
     parameters = (EffectParameter('relative', '1', 'joint'),)
     needs_nominal = True
+    scales = True
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
-        return state.known.torque[..., None]
-
-    def recorded(self, values: Values) -> np.ndarray:
-        return 1.0 + values['relative']
+        return state.scaled[..., None]
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         relative = values['relative']
@@ -44,4 +42,4 @@ class DriveGainError(Effect):
         return None
 
     def signature(self, state: State) -> Signature:
-        return Signature(state.known.torque, 'torque of the model, N m')
+        return Signature(state.delivered, 'torque of the model, N m')

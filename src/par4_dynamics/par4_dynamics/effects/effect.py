@@ -141,7 +141,9 @@ class Effect(ABC):
         expanded: whether the columns are a first-order series around a value of its one
             coefficient. The shape `expanded_at` holds that value; a search looks for the value at
             which the fitted coefficient equals it.
-        retimes: whether it is, to first order, the torque of the motion at another time.
+        scales: whether it is the scale in which a drive tells its torque, `State.scaled`.
+        retimes: whether it is, to first order, the torque of the motion at another time: that
+            which the drives tell, `State.told`.
         against_the_others: whether the part that all joints have in common is a base parameter, so
             that only differences between joints show.
         of_base: whether its columns are sums of base columns, so that one run tells it and base
@@ -180,6 +182,7 @@ class Effect(ABC):
     fixed_range: ClassVar[tuple[float, float]] = (0.5, 1.5)
     expanded: ClassVar[bool] = False
     retimes: ClassVar[bool] = False
+    scales: ClassVar[bool] = False
     against_the_others: ClassVar[bool] = False
     of_base: ClassVar[bool] = False
     looks_around: ClassVar[bool] = False
@@ -303,6 +306,13 @@ class Effect(ABC):
                 return f'{parameter.name}: expected more than 0{unit}, found {least:g}'
         return None
 
+    def base_part(self, values: Values) -> Mapping[str, np.ndarray]:
+        """Return what it adds to base parameters (J,), by their names, where that is all it is.
+
+        Dry friction that differs between the directions is half the difference, `ASYMMETRY`.
+        """
+        return {}
+
     def friction(self, state: State, values: Values, joints: tuple[int, ...]
                  ) -> dict[str, np.ndarray]:
         """Return the parts of its torque (n, J), N m, that are friction, by names of `FRICTION`."""
@@ -340,13 +350,6 @@ class Effect(ABC):
         """Return what is taken for granted of machine and log, which no data told, in a sentence.
 
         None if nothing. Standard deviations do not hold it.
-        """
-        return None
-
-    def recorded(self, values: Values) -> np.ndarray | None:
-        """Return the recorded torque over the true one, (k,) of the k joints that it acts on.
-
-        None if it does not change what is recorded of other torques.
         """
         return None
 

@@ -54,7 +54,7 @@ class EncoderEccentricity(Effect):
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         sine, cosine = np.sin(state.q), np.cos(state.q)
-        viscous = state.known.values['viscous_friction'] * np.eye(state.joints)
+        viscous = state.known.whole['viscous_friction'] * np.eye(state.joints)
         columns = []
         for wave, slope in ((sine, cosine), (cosine, -sine)):
             rate = slope * state.qd

@@ -32,6 +32,9 @@ class JointFrictionDifference(Effect):
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         return np.stack((state.direction, state.qd), axis=-1)
 
+    def base_part(self, values: Values) -> Mapping[str, np.ndarray]:
+        return {base: values[name] for name, base in _BASE.items()}
+
     def friction(self, state: State, values: Values, joints: tuple[int, ...]
                  ) -> dict[str, np.ndarray]:
         none = np.zeros_like(values['coulomb'])

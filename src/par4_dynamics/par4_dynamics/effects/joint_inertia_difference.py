@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from par4_dynamics.effects.effect import (
@@ -27,6 +29,9 @@ class JointInertiaDifference(Effect):
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         return state.qdd[..., None]
+
+    def base_part(self, values: Values) -> Mapping[str, np.ndarray]:
+        return {'actuator_inertia': values['inertia']}
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         inertia, whole = values['inertia'], base['actuator_inertia']

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
+from par4_dynamics.base_terms import PLATFORM_MASSES
 from par4_dynamics.effects.effect import (
     Base,
     Effect,
@@ -18,7 +21,6 @@ from par4_dynamics.rigid_body import COLUMNS, rigid_body_columns
 from par4_dynamics.state import State
 from par4_kinematics.errors import InputError
 
-HALVES = [COLUMNS.index('platform_mass_1'), COLUMNS.index('platform_mass_2')]
 HEAVIEST = 20.0
 """kg; ten times what such a robot carries."""
 
@@ -43,7 +45,7 @@ class Payload(Effect):
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         # between the halves the mass is shared, so that the shape has a derivative
-        columns = rigid_body_columns(state)[..., HALVES]
+        columns = rigid_body_columns(state)[..., [COLUMNS.index(name) for name in PLATFORM_MASSES]]
         return columns @ [[2.0 - single(shape['half'])], [single(shape['half']) - 1.0]]
 
     def shape_of(self, values: Values) -> Shape:
@@ -51,6 +53,10 @@ class Payload(Effect):
             raise InputError(f'effect payload, half: expected 1 (at D) or 2 (at D\'), found '
                              f'{values["half"]:g}')
         return {'half': float(values['half'])}
+
+    def base_part(self, values: Values) -> Mapping[str, np.ndarray]:
+        return {name: share * values['mass'] for name, share in zip(
+            PLATFORM_MASSES, (2.0 - values['half'], values['half'] - 1.0))}
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         mass = float(values['mass'][0])

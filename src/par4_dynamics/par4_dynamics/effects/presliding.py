@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numba
 import numpy as np
 
+from par4_dynamics.effects.asymmetry import ASYMMETRY
 from par4_dynamics.effects.effect import (
     FAST,
     Base,
@@ -64,6 +66,26 @@ def built_up(q: np.ndarray, distance: float, start: np.ndarray | float = 0.0) ->
     return share
 
 
+def levels_of(whole: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the dry friction of the joints, the mean of both directions and half the difference.
+
+    Each is (J,), N m; `whole` is that of `Nominal`.
+    """
+    level = whole['coulomb_friction']
+    return level, whole.get(ASYMMETRY, np.zeros_like(level))
+
+
+def plateaus(level: np.ndarray, asymmetry: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Return the dry friction (n, J), N m, that has built up to a share (n, J) of -1 .. 1.
+
+    Args:
+        level: f_c, the mean of both directions, (J,) N m.
+        asymmetry: half their difference, (J,) N m.
+        share: of the level of the direction.
+    """
+    return level * share + asymmetry * np.abs(share)
+
+
 def _goes_both_ways(q: np.ndarray, stroke: float) -> bool:
     """Return whether a joint of a motion (n, J) goes to and fro by strokes of that length.
 
@@ -83,8 +105,9 @@ def _goes_both_ways(q: np.ndarray, stroke: float) -> bool:
 class Presliding(Effect):
     """tau_i += f_c (z - sign(qd)): f_c z takes the place of f_c sign(qd) of (20).
 
-    z is 0 at the start of a log and approaches sign(qd) over `distance`; references that come one
-    after the other are one motion, see `Feedforward`.
+    f_c is the level of the joint and of the direction where these differ by an effect. z is 0 at
+    the start of a log and approaches sign(qd) over `distance`; references that come one after the
+    other are one motion, see `Feedforward`.
     """
 
     name = 'presliding'
@@ -108,8 +131,9 @@ class Presliding(Effect):
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         share = built_up(state.q, single(shape['distance']))
-        level = state.known.values['coulomb_friction']
-        return (level * (share - state.direction))[..., None]
+        level, asymmetry = levels_of(state.known.whole)
+        at_once = level * state.direction + asymmetry * (state.qd != 0.0)
+        return (plateaus(level, asymmetry, share) - at_once)[..., None]
 
     def coefficients(self, values: Values) -> np.ndarray:
         return np.ones_like(values['distance'])[None]

@@ -313,7 +313,7 @@ class Springs:
         if measured is None or begin < 1 or not told.any():
             return load
         steps = slice(begin - 1, begin + len(told))
-        left = (measured - self._state.known.delivered - beyond)[samples] - swing(
+        left = (measured - self._state.known.independent - beyond)[samples] - swing(
             load[:steps.stop], slice(0, steps.stop))[1][begin:]
         last, free = self._free
         if last != asked:

@@ -48,7 +48,7 @@ class TimeOffset(Effect):
         return 0
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
-        torque, delay = state.known.delivered, single(shape['expanded_at'])
+        torque, delay = state.told, single(shape['expanded_at'])
         if delay == 0.0 or len(state.t) < 2:
             return -time_rate(state, torque)[..., None]
         return ((_earlier(state, torque, delay) - torque) / delay)[..., None]
@@ -70,7 +70,7 @@ class TimeOffset(Effect):
         return None
 
     def signature(self, state: State) -> Signature:
-        return Signature(time_rate(state, state.known.delivered), 'rate of the torque, N m/s')
+        return Signature(time_rate(state, state.told), 'rate of the torque, N m/s')
 
 
 def _earlier(state: State, values: np.ndarray, delay: float) -> np.ndarray:

@@ -12,10 +12,7 @@ LARGEST = 0.3
 
 
 class TorqueRipple(Cogging):
-    """tau_i += a_i tau_i sin(N q_i + phi_i), summed over the orders N: in proportion to torque.
-
-    The torque is that of (20) and of forces on the platform.
-    """
+    """tau_i += a_i tau_i sin(N q_i + phi_i), summed over the orders N: in proportion to torque."""
 
     name = 'torque_ripple'
     phrase = 'torque ripple'
@@ -23,10 +20,11 @@ class TorqueRipple(Cogging):
                   *Cogging.parameters[1:])
     least_turns = 1.0  # it goes with the load, which gravity and springs do not
     needs_nominal = True
+    scales = True
     variables = 2
 
     def height(self, state: State) -> np.ndarray:
-        return state.known.torque + state.known.forces
+        return state.scaled
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         return self.height(state)[..., None] * super().columns(state, shape)

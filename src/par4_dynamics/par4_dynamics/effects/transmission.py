@@ -34,7 +34,7 @@ def motor_side(state: State, qdd: np.ndarray, share: float = MOTOR_SHARE) -> np.
 
     `share` is that of the actuator inertia which turns with them.
     """
-    return share * state.known.values['actuator_inertia'] * qdd
+    return share * state.known.whole['actuator_inertia'] * qdd
 
 
 def transmitted_torque(state: State) -> np.ndarray:

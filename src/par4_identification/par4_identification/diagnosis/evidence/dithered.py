@@ -89,7 +89,7 @@ def _noise(run: Run, white: np.ndarray, period: float) -> np.ndarray:
 
 def delivered(state: State) -> np.ndarray:
     """Return the nominal torque that the drives deliver as one column, (n, J, 1) N m."""
-    return state.known.delivered[..., None]
+    return state.known.independent[..., None]
 
 
 def stacked(evidence: Evidence, rows: list[np.ndarray]) -> np.ndarray:

@@ -13,7 +13,11 @@ from par4_dynamics.effects.effect import Effect, Shape
 from par4_dynamics.state import State
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.kind import Key, Kind, key_of, shape_key
-from par4_identification.diagnosis.evidence.observations import Observations, lasting
+from par4_identification.diagnosis.evidence.observations import (
+    Observations,
+    lasting,
+    same_scale,
+)
 from par4_identification.diagnosis.evidence.side_by_side import side_by_side
 from par4_identification.diagnosis.evidence.whitener import Whitener
 
@@ -259,6 +263,8 @@ def gather(observations: Observations, whitener: Whitener, before: Evidence | No
     joints = tuple(range(observations.joints))
     target = whitener.whiten([part[..., None] for part in observations.target])
     base = whitener.whiten(observations.base)
+    if before is not None and not same_scale(before.observations.runs, observations.runs):
+        before = None
     return Evidence(observations, whitener, np.concatenate(target)[:, 0],
                     spread(base, joints, shared=True),
                     np.cumsum([0, *(len(part) for part in target)]),

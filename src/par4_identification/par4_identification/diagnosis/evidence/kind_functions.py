@@ -149,13 +149,13 @@ def periodic(state: State, ranges: Ranges) -> np.ndarray:
 
 def torque(state: State, ranges: Ranges) -> np.ndarray:
     """Return the delivered torque times waves over the position."""
-    return state.known.delivered[..., None] * ranges.waves(state)
+    return state.delivered[..., None] * ranges.waves(state)
 
 
 def rate(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
     """Return the rate of the delivered torque."""
     # The second rate would do, too, but the noise of encoder counts in it is that of the torque.
-    return time_rate(state, state.known.delivered)[..., None]
+    return time_rate(state, state.delivered)[..., None]
 
 
 def reading(state: State, ranges: Ranges) -> np.ndarray:
@@ -167,7 +167,7 @@ def reading(state: State, ranges: Ranges) -> np.ndarray:
 
 def load(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
     """Return the delivered torque, and its size in the direction of the speed."""
-    delivered = state.known.delivered
+    delivered = state.delivered
     return np.stack((delivered, np.abs(delivered) * state.direction), axis=-1)
 
 
@@ -254,7 +254,7 @@ def _crept(moved, kept):
 
 def gain(state: State, ranges: Ranges) -> np.ndarray:
     """Return what a gain adds that changes with the time, the torque or the speed."""
-    delivered = state.known.delivered
+    delivered = state.delivered
     drifts = time(state, ranges) * delivered[..., None]
     bent = [np.tanh(delivered / (share * ranges.torque)) for share in (0.03, 0.1, 0.3)]
     bent += [delivered * np.abs(part) / scale
@@ -264,7 +264,7 @@ def gain(state: State, ranges: Ranges) -> np.ndarray:
 
 def coupling(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
     """Return the delivered torques of the other joints."""
-    delivered = state.known.delivered
+    delivered = state.delivered
     return np.stack([np.delete(delivered, joint, axis=1) for joint in range(state.joints)], axis=1)
 
 

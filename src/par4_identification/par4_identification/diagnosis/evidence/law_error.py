@@ -91,6 +91,6 @@ def _factors(state: State, ranges: Ranges) -> np.ndarray:
     place = legvander(ranges.place(state.q), PLACE_DEGREE)
     speed = state.qd / ranges.qd
     others = [speed, np.abs(speed), *(np.exp(-(speed / slow) ** 2) for slow in SLOW),
-              np.abs(state.known.delivered)]
+              np.abs(state.delivered)]
     return np.concatenate((place, state.direction[..., None] * place, np.stack(others, axis=-1)),
                           axis=-1)

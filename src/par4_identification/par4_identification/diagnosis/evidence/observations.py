@@ -12,6 +12,7 @@ from par4_dynamics.base_terms import BaseTerm, base_columns, base_terms
 from par4_dynamics.effects.effect import Effect, Shape
 from par4_dynamics.model import Model
 from par4_dynamics.model_file import RigidBody
+from par4_dynamics.state import State
 from par4_identification.diagnosis.evidence.kind import Kind, key_of
 from par4_identification.fitting.identification import known_torque
 from par4_identification.signals.run import Run
@@ -116,7 +117,7 @@ class Observations:
             some = missing[first:first + AT_ONCE]
             of_runs = []
             for run in self.runs:
-                columns = [effect.columns(run.state, shape) for shape in some]
+                columns = [_recorded(effect, shape, run.state) for shape in some]
                 rows = run.rows(np.concatenate([part.reshape(len(part), -1) for part in columns],
                                                axis=1) if len(some) > 1 else columns[0])
                 ends = np.cumsum([part[0].size for part in columns])[:-1]
@@ -150,6 +151,14 @@ def observe(runs: list[Run], machine: Robot | Axis, rigid_body: RigidBody, basel
                         baseline)
 
 
+def _recorded(effect: Effect | Kind, shape: Shape, state: State) -> np.ndarray:
+    """Return the columns (n, J, K) of an effect as drives tell them whose scale is known."""
+    columns = effect.columns(state, shape)
+    if isinstance(effect, Kind) or effect.scales or effect.retimes or state.nominal is None:
+        return columns
+    return columns * np.broadcast_to(state.nominal.scale, state.q.shape)[..., None]
+
+
 def with_nominal(observations: Observations, model: Model) -> Observations:
     """Return the observations with the torque of `model` as nominal torque.
 
@@ -165,7 +174,15 @@ def with_nominal(observations: Observations, model: Model) -> Observations:
             part if old.state.nominal is None else part - new.rows(
                 known.following_torque(new.state) - known.following_torque(old.state))
             for part, old, new in zip(target, observations.runs, runs))
-    return replace(observations, _kept=lasting(observations._kept), runs=runs, target=target)
+    kept = lasting(observations._kept) if same_scale(observations.runs, runs) else {}
+    return replace(observations, _kept=kept, runs=runs, target=target)
+
+
+def same_scale(runs: Sequence[Run], others: Sequence[Run]) -> bool:
+    """Return whether drives tell the torque of runs in the same scale, as far as known."""
+    return all(np.array_equal(scale, other) for scale, other in zip(*(
+        [1.0 if run.state.nominal is None else run.state.nominal.scale for run in part]
+        for part in (runs, others)), strict=True))
 
 
 def _with_nominal_torque(run: Run, model: Model, bound: Model | None = None) -> Run:

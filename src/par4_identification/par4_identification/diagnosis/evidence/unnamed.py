@@ -95,7 +95,7 @@ class Kinds:
         highest = highest or highest_order(observations.runs[0].state, self.ranges.step)
         weights: dict[Function, Callable[[Run], np.ndarray]] = {
             functions.periodic: lambda run: np.ones_like(run.q),
-            functions.torque: lambda run: run.rows(run.state.known.delivered),
+            functions.torque: lambda run: run.rows(run.state.delivered),
             functions.uneven: lambda run: np.sign(run.speed)}
         periods = {function: _strongest_periods(observations, [
             weight(run) * part for run, part in zip(observations.runs, left)], high - low,
@@ -127,7 +127,7 @@ def ranges_of(observations: Observations) -> Ranges:
 
     platform = states[0].x is not None
     low, high = span('q')
-    squares = np.concatenate([state.known.delivered ** 2 for state in states])
+    squares = np.concatenate([state.delivered ** 2 for state in states])
     return Ranges(
         (low, high), largest('qd'), largest('qdd'), np.sqrt(squares.mean(axis=0)) + 1e-9,
         float(max(state.t[-1] for state in states)),

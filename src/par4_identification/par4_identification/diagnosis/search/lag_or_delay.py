@@ -87,7 +87,7 @@ def _orders(hypothesis: Hypothesis, cutoff_hz: float) -> Callable[[State], np.nd
 
     def columns(state: State) -> np.ndarray:
         own = hypothesis.effect.columns(state, hypothesis.shape)
-        bend = time_rate(state, time_rate(state, state.known.delivered))
+        bend = time_rate(state, time_rate(state, state.delivered))
         period = float(state.t[1] - state.t[0])
         return np.concatenate((own, bend[..., None], *(
             low_pass(own, cutoff_hz / octave, period) for octave in OCTAVES)), axis=2)

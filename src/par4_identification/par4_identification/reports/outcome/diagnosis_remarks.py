@@ -49,7 +49,6 @@ def remarks_of_diagnosis(diagnosis: Diagnosis, machine: Robot | Axis,
             'Simulate and feed forward with extended_model.yaml in place of the old model.'))
     for cause in diagnosis.causes:
         remarks += remarks_of_cause(cause, machine, experiment)
-    remarks += remarks_of_records(diagnosis.causes)
     unit, left = unit_on(machine, 'N m'), over_joints(diagnosis.holdout.extended_rms)
     if diagnosis.fitted_unlike:
         remarks.append(Remark(
@@ -116,29 +115,6 @@ def remarks_of_cause(cause: Cause, machine: Robot | Axis, experiment: NextExperi
             advice(cause.effect.name, experiment)
             or 'To tell such names apart, add a bag of slow wide sweeps and one with a known '
             'payload.'))
-    return remarks
-
-
-def remarks_of_records(causes: Sequence[Cause]) -> list[Remark]:
-    """Return which sizes are those of the record, not of the machine, because a drive is wrong.
-
-    They are torques of single joints. What scales with the torque of the model does not, and forces
-    that all joints feel are told by the others, too.
-    """
-    remarks = []
-    for drive in causes:
-        factors = drive.effect.recorded({name: np.atleast_1d(parameter.value)
-                                         for name, parameter in drive.parameters.items()})
-        for joint, factor in zip(drive.joints, () if factors is None else factors):
-            beside = [cause.effect.phrase for cause in causes
-                      if cause is not drive and joint in cause.joints
-                      and not (cause.effect.shared or cause.effect.needs_nominal)]
-            if beside:
-                remarks.append(note(
-                    f'Joint {joint} records {number(float(factor), 3)} times its torque, and so '
-                    f'the size of {listed(beside)} there is the recorded one.',
-                    f'Divide it by {number(float(factor), 3)} for that of the machine; '
-                    f'extended_model.yaml says what a record shows.'))
     return remarks
 
 
