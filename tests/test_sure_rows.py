@@ -7,7 +7,7 @@ import pytest
 from searches import MODEL, log_with
 
 from par4_dynamics.effects.catalogue import CATALOGUE
-from par4_dynamics.effects.theta_friction import MAY_REST
+from par4_dynamics.effects.rest import MAY_REST
 from par4_identification.diagnosis.diagnosis import diagnose
 from par4_identification.diagnosis.evidence import observations
 from par4_identification.diagnosis.evidence.observations import (
@@ -53,9 +53,10 @@ def test_friction_that_is_late_to_turn_is_explained_by_its_law(logs):
     assert coulomb.deviation < 0.02 * COULOMB
 
 
-def test_rows_are_left_out_where_theta_may_rest_and_as_far_as_filters_reach(rows):
+@pytest.mark.parametrize('name', ['theta_friction', 'passive_joint_friction'])
+def test_rows_are_left_out_where_theta_may_rest_and_as_far_as_filters_reach(rows, name):
     run, = rows.runs
-    left, = sure_rows(rows, RUBBING).runs
+    left, = sure_rows(rows, model_with(MODEL, name, coulomb=COULOMB)).runs
     slow = run.state.t[np.abs(run.state.platform.xd[:, 3]) < MAY_REST]
     away = np.array([np.abs(slow - t).min() for t in run.t])
     reach = run.conditioning.reach

@@ -6,7 +6,7 @@ import numpy as np
 
 from par4_dynamics.effects.effect import Base, Effect, EffectParameter, Shape, Signature, Values
 from par4_dynamics.effects.passive_rotation import unlike_friction
-from par4_dynamics.effects.rest import RESTING_RATE
+from par4_dynamics.effects.rest import RESTING_RATE, may_rest
 from par4_dynamics.load_friction import LoadFriction
 from par4_dynamics.state import State
 from par4_kinematics.passive import (
@@ -59,6 +59,10 @@ class PassiveJointFriction(Effect):
         numbers = np.append(np.full(8, BALLS_PER_GROUP), BAR_PIVOTS)
         return LoadFriction(turning, numbers * values['coulomb'][0],
                             numbers * values['viscous'][0])
+
+    def is_unsure(self, state: State) -> np.ndarray:
+        # of the pivots of the bars; the axes of the balls turn, and so they hardly ever rest
+        return may_rest(state.platform.xd[:, 3])
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         return unlike_friction(values, std, TYPICAL_RATE, LARGEST, 'a passive joint',

@@ -6,7 +6,7 @@ import numpy as np
 
 from par4_dynamics.effects.effect import Base, Effect, EffectParameter, Shape, Signature, Values
 from par4_dynamics.effects.passive_rotation import unlike_friction
-from par4_dynamics.effects.rest import RESTING_RATE, fading_sign
+from par4_dynamics.effects.rest import fading_sign, may_rest
 from par4_dynamics.load_friction import LoadFriction
 from par4_dynamics.state import State
 
@@ -15,10 +15,6 @@ TYPICAL_RATE = 5.0
 LARGEST = 5.0
 """N m at that rate, ten times what belts and pulleys take."""
 
-
-MAY_REST = 3.0 * RESTING_RATE
-"""rad/s of theta below which its belts may stick, or turn back a moment before or after what is
-measured."""
 
 
 class ThetaFriction(Effect):
@@ -45,7 +41,7 @@ class ThetaFriction(Effect):
         return LoadFriction(turning, values['coulomb'][:1], values['viscous'][:1])
 
     def is_unsure(self, state: State) -> np.ndarray:
-        return np.abs(state.platform.xd[:, 3]) < MAY_REST
+        return may_rest(state.platform.xd[:, 3])
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         return unlike_friction(values, std, TYPICAL_RATE, LARGEST, 'theta',
