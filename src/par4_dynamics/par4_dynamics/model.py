@@ -123,10 +123,11 @@ class Model:
         The motion has its nominal torque, which some of them scale with; not that of effects which
         follow from it, as zeros of encoders follow from the angles.
         """
-        known = state.known
-        nominal = replace(known, unscaled=lambda _: known.added, following=lambda _: 0.0,
-                          scaling=lambda _: 0.0)
-        return self._torque_of(state.with_nominal(nominal), lambda effect: effect.of_angle)
+        known = state.nominal
+        if known is not None:
+            state = state.with_nominal(replace(known, unscaled=lambda _: known.added,
+                                               following=lambda _: 0.0, scaling=lambda _: 0.0))
+        return self._torque_of(state, lambda effect: effect.of_angle)
 
     def friction(self, state: State) -> dict[str, np.ndarray]:
         """Return the friction (n, J), N m, of the effects, by the base parameter that they are part
