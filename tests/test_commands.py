@@ -922,14 +922,6 @@ def test_a_report_gives_numbers_of_the_machine_one_cell_and_those_of_joints_thei
     assert parameter_cells(COGS, 'periods', REFERENCE)['cells'] == ['22 ± 22']
 
 
-def test_sizes_that_a_wrong_gain_records_are_told():
-    found = diagnosis('explained', [
-        cause('drive_gain_error', (1,), relative=(0.05,)),
-        cause('torque_offset', (0, 1), offset=(0.3, 0.4))])
-    remarks = [remark.text for remark in outcome_of_diagnosis(found, REFERENCE).remarks]
-    assert any('Joint 1 records 1.05 times its torque' in text for text in remarks)
-
-
 def test_twins_are_told_with_what_to_do():
     outcome = outcome_of_diagnosis(diagnosis('explained', [STRIBECK]), REFERENCE)
     assert any('Stribeck friction cannot be told from cogging' in remark.text
