@@ -49,10 +49,13 @@ UNEVEN = uneven_robot()
 
 
 def model_with(model: Model, name: str, joints: tuple[int, ...] = (0, 1, 2, 3), **values) -> Model:
-    """Return the model with an effect added; values are numbers or one a joint."""
-    full = {key: np.broadcast_to(np.asarray(value, dtype=float), (4,)).copy()
+    """Return the model with an effect added; values are numbers, one a joint, or vectors."""
+    parameters = CATALOGUE[name].parameters
+    sizes = {parameter.name: parameter.size if parameter.size > 1 else 4
+             for parameter in parameters}
+    full = {key: np.broadcast_to(np.asarray(value, dtype=float), (sizes[key],)).copy()
             for key, value in values.items()}
-    for parameter in CATALOGUE[name].parameters:
+    for parameter in parameters:
         if isinstance(parameter.default, str):
             full.setdefault(parameter.name, full[parameter.default])
         elif parameter.default is not None:

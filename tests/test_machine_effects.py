@@ -200,6 +200,17 @@ def test_every_force_on_the_platform_has_an_example():
 
 
 @pytest.mark.parametrize('name', FORCES)
+def test_forces_but_friction_pull_at_other_poses_with_another_torque(name):
+    model = model_of(entry(name, **FORCES[name]))
+    _, state, _, _ = recorded(model)
+    pull = state.nominal.pull
+    if CATALOGUE[name].rubs:
+        assert pull is None
+    else:
+        np.testing.assert_array_equal(pull(state), model.effects[0].torque(state))
+
+
+@pytest.mark.parametrize('name', FORCES)
 def test_joints_carry_forces_on_the_platform_with_friction(name):
     friction = entry('load_dependent_friction', coefficient=(0.08, 0.1, 0.06, 0.09))
     model = model_of(friction, entry(name, **FORCES[name]))
@@ -254,6 +265,9 @@ ON_EACH_OTHER = [
         'payload', 'torque_offset', 'external_force', 'cable_spring', 'friction_drift',
         'actuator_lag')),
     ('base_tilt', 'payload'), ('base_tilt', 'arm_weight_difference'),
+    ('encoder_offset', 'external_force'), ('encoder_offset', 'cable_spring'),
+    ('encoder_eccentricity', 'cable_spring'), ('geometry_error', 'cable_spring'),
+    ('leg_length_error', 'cable_spring'), ('encoder_eccentricity', 'platform_drag'),
     ('presliding', 'coulomb_asymmetry'), ('presliding', 'joint_friction_difference'),
     ('encoder_eccentricity', 'joint_friction_difference'), ('time_offset', 'presliding')]
 LARGE = {**EXAMPLES, **FORCES, 'drive_gain_error': {'relative': (0.5, -0.4, 0.3, 0.6)},

@@ -589,16 +589,15 @@ def test_effects_are_read_from_a_model_file(tmp_path):
     path = tmp_path / 'model.yaml'
     write_text(path, MODEL_YAML)
     state = moving_state(REFERENCE)
-    # the encoder shifts the payload, too, and the tilt pulls at it
+    # the encoder shifts payload and cable, too, and the tilt pulls at the payload
     heavier = replace(MODELS['reference'], values={
         **MODELS['reference'].values,
         'platform_mass_1': MODELS['reference'].values['platform_mass_1'] + 0.5})
-    expected = heavier.torque(state) + effect_torque(
-        REFERENCE, state, 'cable_spring', stiffness=20.0, anchor=(0.1, 0.2, 0.3))
+    held = model_with(heavier, 'cable_spring', stiffness=20.0, anchor=(0.1, 0.2, 0.3))
+    expected = held.torque(state)
     for name, values in (('base_tilt', {'about_y': 1e-2}),
                          ('encoder_offset', {'offset': (0.0, 0.0, 2e-3, 0.0)})):
-        expected = expected + model_with(heavier, name, **values).torque(state) - (
-            heavier.torque(state))
+        expected = expected + model_with(held, name, **values).torque(state) - held.torque(state)
     found = read_model(path, REFERENCE).torque(state)
     np.testing.assert_allclose(found, expected, atol=1e-9)
     write_text(path, MODEL_YAML.replace('[0.1, 0.2, 0.3]', '[0.1, 0.2]'))

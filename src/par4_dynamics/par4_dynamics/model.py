@@ -98,6 +98,10 @@ class Model:
             (active.torque(state) for active in self.effects if active.effect.is_body),
             np.zeros_like(state.q))
 
+    def pull_torque(self, state: State) -> np.ndarray:
+        """Return the torque (n, J), N m, of the forces on the platform that are no friction."""
+        return self._torque_of(state, _pulls)
+
     def force_torque(self, state: State) -> np.ndarray:
         """Return the torque of the effects that are forces on the platform, (n, J) N m."""
         return self._torque_of(state, lambda effect: effect.is_force)
@@ -199,10 +203,14 @@ class Model:
         added = sum(active.torque(state) for active in self.effects
                     if not active.effect.needs_nominal)
         forces = self.force_torque(state)
-        nominal = Nominal(torque_of_values(state, self._linear), self.body_torque(state) + forces,
-                          self.values, self.body_torque, bound.angle_torque, self.whole, added,
-                          bound.unscaled_torque, self.scale(state), self.own_torque,
-                          self.scaling_torque, self.slips, self.passed_torque, self.friction)
+        pulls = any(_pulls(active.effect) for active in self.effects)
+        nominal = Nominal(
+            torque=torque_of_values(state, self._linear), load=self.body_torque(state) + forces,
+            values=self.values, whole=self.whole, body_torque=self.body_torque,
+            angle_torque=bound.angle_torque, pull=self.pull_torque if pulls else None, added=added,
+            unscaled=bound.unscaled_torque, scale=self.scale(state), following=self.own_torque,
+            scaling=self.scaling_torque, slips=self.slips, friction=self.friction,
+            passed=self.passed_torque)
         read = state.with_nominal(nominal)
         try:
             halfway = self._half_the_way(read)
@@ -325,3 +333,7 @@ class Model:
     def without_effects(self) -> Model:
         """Return the same model with no effects."""
         return replace(self, effects=())
+
+
+def _pulls(effect: Effect) -> bool:
+    return effect.is_force and not effect.rubs

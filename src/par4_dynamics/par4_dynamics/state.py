@@ -28,8 +28,9 @@ GRAVITY = 9.81
 """m/s2, along -z of `base`."""
 OF_MOTION = ('direction', 'phasor', 'turns', 'jacobian')
 """What is computed of a motion when it is first asked for, whatever its nominal torque."""
-SMALL_ANGLE = 1e-5
-"""rad: step of a central difference; small against any pose, large against the rounding of (20)."""
+SMALL_ANGLE, SMALL_RATE = 1e-5, 1e-3
+"""rad, rad/s: steps of central differences; small against any motion, large against the rounding of
+(20)."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,9 @@ class Nominal:
         whole: the same with what effects add to them (`Effect.base_part`).
         body_torque: function of another motion; returns the torque of its bodies, (n, J) N m, which
             is `load` without the forces.
+        pull: function of another motion; returns the torque of forces on the platform that change
+            little with a motion that changes little, (n, J) N m: not that of friction (`Effect.rubs`),
+            whose sign turns, and which takes long to compute. None if there are none.
         angle_torque: function of another motion; returns the torque of the effects that are bound
             to where each joint is (`Effect.of_angle`), (n, J) N m.
         added: torque of the effects whose torque does not depend on the nominal one, (n, J) N m.
@@ -72,6 +76,7 @@ class Nominal:
     body_torque: Callable[[State], np.ndarray]
     angle_torque: Callable[[State], np.ndarray]
     whole: Mapping[str, np.ndarray]
+    pull: Callable[[State], np.ndarray] | None = None
     added: np.ndarray | float = 0.0
     unscaled: Callable[[State], np.ndarray | float] = lambda _: 0.0
     scale: np.ndarray | float = 1.0
@@ -87,6 +92,11 @@ class Nominal:
     def independent(self) -> np.ndarray:
         """The torque of all that does not follow from other torques, (n, J) N m."""
         return self.torque + self.added
+
+    def moved_load(self, state: State) -> np.ndarray:
+        """Return the torque of bodies and of `pull` along another motion, (n, J) N m."""
+        torque = self.body_torque(state)
+        return torque if self.pull is None else torque + self.pull(state)
 
 
 class Platform(NamedTuple):
@@ -231,19 +241,30 @@ class State:
     @cached_property
     def torque_by_q(self) -> np.ndarray:
         """Stiffness: d/dq_j of the bodies' torque of joint i, (n, J, J) N m/rad, [:, i, j]."""
-        return self._central_difference('q', SMALL_ANGLE)
+        return self._central_difference('q', SMALL_ANGLE, self.known.body_torque)
 
     @cached_property
     def torque_by_qd(self) -> np.ndarray:
         """The same by qd_j, N m s/rad: the torque being a square of speeds, this is exact."""
-        return self._central_difference('qd', 1.0)
+        return self._central_difference('qd', 1.0, self.known.body_torque)
 
     @cached_property
     def torque_by_qdd(self) -> np.ndarray:
         """The same by qdd_j, kg m2: the inertia matrix, exact as the torque is linear in it."""
-        here = self._torque_nearby('qdd', 0.0)
-        return np.stack([self._torque_nearby('qdd', joint) - here
+        torque = self.known.body_torque
+        here = torque(self._moved_by('qdd', 0.0))
+        return np.stack([torque(self._moved_by('qdd', joint)) - here
                          for joint in np.eye(self.joints)], axis=-1)
+
+    @cached_property
+    def load_by_q(self) -> np.ndarray:
+        """`torque_by_q` with the forces that pull at the platform, see `Nominal.pull`."""
+        return self.torque_by_q + self._pull_by('q', SMALL_ANGLE)
+
+    @cached_property
+    def load_by_qd(self) -> np.ndarray:
+        """`torque_by_qd` with the same forces."""
+        return self.torque_by_qd + self._pull_by('qd', SMALL_RATE)
 
     @cached_property
     def angle_torque_by_q(self) -> np.ndarray:
@@ -252,18 +273,23 @@ class State:
                          for step in (SMALL_ANGLE, -SMALL_ANGLE))
         return ((ahead - behind) / (2.0 * SMALL_ANGLE))[..., None] * np.eye(self.joints)
 
-    def _central_difference(self, name: str, step: float) -> np.ndarray:
-        return np.stack([(self._torque_nearby(name, step * joint)
-                          - self._torque_nearby(name, -step * joint)) / (2.0 * step)
+    def _pull_by(self, name: str, step: float) -> np.ndarray | float:
+        """Return the slopes of the forces' torque, as those of the bodies'."""
+        pull = self.known.pull
+        return 0.0 if pull is None else self._central_difference(name, step, pull)
+
+    def _central_difference(self, name: str, step: float, torque: Callable[[State], np.ndarray]
+                            ) -> np.ndarray:
+        return np.stack([(torque(self._moved_by(name, step * joint))
+                          - torque(self._moved_by(name, -step * joint))) / (2.0 * step)
                          for joint in np.eye(self.joints)], axis=-1)
 
-    def _torque_nearby(self, name: str, change: ArrayLike) -> np.ndarray:
-        """Return the bodies' torque (n, J), N m, with q, qd or qdd changed by (J,)."""
+    def _moved_by(self, name: str, change: ArrayLike) -> State:
+        """Return the motion with q, qd or qdd changed by (J,)."""
         motion = {part: getattr(self, part) for part in ('q', 'qd', 'qdd')}
         motion[name] = motion[name] + change
-        nearby = (state_of_joints(None, self.t, **motion) if self.geometry is None
-                  else self.nearby(self.geometry, **motion))
-        return self.known.body_torque(nearby)
+        return (state_of_joints(None, self.t, **motion) if self.geometry is None
+                else self.nearby(self.geometry, **motion))
 
     def nearby(self, geometry: Geometry, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> State:
         """Return a motion whose joint positions or dimensions differ little from those of this one.

@@ -131,6 +131,7 @@ class Effect(ABC):
             shift, or carry with friction or on springs.
         is_force: whether its torque is that of a force on the platform, so that it is part of the
             load that others carry with friction or on springs.
+        rubs: whether it is friction of joints that turn with the load (`slips`).
         friction_term: the friction of (20) that its torque is part of, so that both fall by the
             same share while a machine warms up: a name of `FRICTION`, or None.
         of_angle: whether its torque is bound to where a joint is, like teeth, so that it moves with
@@ -176,6 +177,7 @@ class Effect(ABC):
     needs_nominal: ClassVar[bool] = False
     is_body: ClassVar[bool] = False
     is_force: ClassVar[bool] = False
+    rubs: ClassVar[bool] = False
     friction_term: ClassVar[str | None] = None
     of_angle: ClassVar[bool] = False
     fixed_coefficients: ClassVar[bool] = False

@@ -24,7 +24,8 @@ LARGEST = math.radians(12.0)
 class EncoderOffset(Effect):
     """tau(q) -> tau(q - o), q = q_true + o being read: tau -= (dtau/dq) o, the slope at q - o / 2.
 
-    The torque is that of the bodies and of what is bound to where a joint is, such as cogging.
+    The torque is that of the bodies, of what pulls at the platform, and of what is bound to where a
+    joint is, such as cogging.
     Through the platform the offset of one joint changes the torque of all, so the coefficients
     are shared: one for each joint's offset.
     """
@@ -40,7 +41,7 @@ class EncoderOffset(Effect):
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         there = state.halfway
-        return -(there.torque_by_q + there.angle_torque_by_q)
+        return -(there.load_by_q + there.angle_torque_by_q)
 
     def halfway(self, state: State, values: Values) -> State:
         return state.moved(state.q - 0.5 * values['offset'], state.qd, state.qdd)

@@ -46,7 +46,7 @@ class GeometryError(Effect):
             ends = []
             for step in (-STEP, STEP):
                 changed = motion.platform.geometry.with_errors(**{name: step})
-                ends.append(state.known.body_torque(
+                ends.append(state.known.moved_load(
                     motion.nearby(changed, motion.q, motion.qd, motion.qdd)))
             columns.append((ends[1] - ends[0]) / (2.0 * STEP))
         return np.stack(columns, axis=-1)

@@ -42,12 +42,12 @@ class LegLengthError(Effect):
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         motion = state.halfway
-        here, columns = state.known.body_torque(motion), []
+        here, columns = state.known.moved_load(motion), []
         for leg in range(LEGS):
             for name in LENGTHS:
                 changed = motion.platform.geometry.with_errors(
                     **{f'{name}_errors': STEP * np.eye(LEGS)[leg]})
-                there = state.known.body_torque(motion.nearby(
+                there = state.known.moved_load(motion.nearby(
                     changed, motion.q, motion.qd, motion.qdd))
                 columns.append((there - here) / STEP)
         return np.stack(columns, axis=-1)

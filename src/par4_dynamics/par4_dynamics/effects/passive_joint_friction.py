@@ -41,6 +41,7 @@ class PassiveJointFriction(Effect):
     separable = ((0,), (1,))
     needs_platform = True
     is_force = True
+    rubs = True
     variables = 9
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:

@@ -10,7 +10,7 @@ from par4_dynamics.state import State
 
 def shift_columns(state: State, dq: np.ndarray, dqd: np.ndarray | None = None,
                   dqdd: np.ndarray | None = None) -> np.ndarray:
-    """Return how the bodies' torque changes as each joint by itself moves at q + c dq(t).
+    """Return how bodies and pulls load the joints as each by itself moves at q + c dq(t).
 
     Args:
         state: the motion with its nominal torque.
@@ -22,9 +22,9 @@ def shift_columns(state: State, dq: np.ndarray, dqd: np.ndarray | None = None,
     """
     dqd = time_rate(state, dq) if dqd is None else dqd
     dqdd = time_rate(state, dqd) if dqdd is None else dqdd
-    columns = state.torque_by_q * dq[:, None, :]
+    columns = state.load_by_q * dq[:, None, :]
     if np.any(dqd):  # a single sample has no rates
-        columns = columns + state.torque_by_qd * dqd[:, None, :]
+        columns = columns + state.load_by_qd * dqd[:, None, :]
     if np.any(dqdd):
         columns = columns + state.torque_by_qdd * dqdd[:, None, :]
     return columns

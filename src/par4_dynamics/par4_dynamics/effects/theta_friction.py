@@ -29,6 +29,7 @@ class ThetaFriction(Effect):
     separable = ((0,), (1,))
     needs_platform = True
     is_force = True
+    rubs = True
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         unit = state.torque_of_force((0.0, 0.0, 0.0, 1.0))
