@@ -46,8 +46,8 @@ class Nominal:
         body_torque: function of another motion; returns the torque of its bodies, (n, J) N m, which
             is `load` without the forces.
         pull: function of another motion; returns the torque of forces on the platform that change
-            little with a motion that changes little, (n, J) N m: not that of friction (`Effect.rubs`),
-            whose sign turns, and which takes long to compute. None if there are none.
+            little with a motion that changes little, (n, J) N m: not that of friction, whose sign
+            turns and which takes long to compute (`Effect.rubs`). None if there are none.
         angle_torque: function of another motion; returns the torque of the effects that are bound
             to where each joint is (`Effect.of_angle`), (n, J) N m.
         added: torque of the effects whose torque does not depend on the nominal one, (n, J) N m.
