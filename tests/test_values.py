@@ -7,7 +7,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from planned import evidence_of
+from measured import excitation
+from planned import evidence_of, state_of_motion
 from searches import EVERY, MODEL, OFFSET, cause, log_with, names, search_of
 
 from par4_dynamics.effects.catalogue import CATALOGUE
@@ -433,10 +434,26 @@ def test_of_many_sizes_that_are_zero_one_may_be_farther_off(largest, joints, tol
 def test_a_cause_all_of_whose_sizes_are_zero_is_nothing_whatever_its_other_values(name):
     """A phase, an exponent, a range and an anchor may be anything then."""
     effect = CATALOGUE[name]
-    told = {own.name: Parameter(value=(0.01 if own.is_size else 2.5,) * own.size,
+    sizes = {own.name for own in effect.parameters if own.is_size or own.vanishing}
+    told = {own.name: Parameter(value=(0.01 if own.name in sizes else 2.5,) * own.size,
                                 std=(0.05,) * own.size) for own in effect.parameters}
     cause = Cause(effect, (0,), told, (), 1.0, 0.0, 1.0, None, Gain(1.0, 0.5, 1.5))
-    assert cause.is_nothing == any(own.is_size for own in effect.parameters)
+    assert cause.is_nothing == bool(sizes)
+
+
+def test_friction_that_builds_up_over_no_distance_is_that_of_the_direction():
+    """So that a distance of less than its deviation, a tenth of a count, is no cause."""
+    presliding, motion = CATALOGUE['presliding'], excitation('reference', 8.0, 5)
+    state = state_of_motion(REFERENCE, motion)
+    state = state.with_nominal(MODEL.nominal(state))
+    least, more = (np.mean(np.abs(presliding.columns(state, {'distance': distance})))
+                   for distance in (1e-9, 5e-3))
+    assert least < 0.05 * more
+    short, long = (Cause(presliding, (0, 1, 2, 3), {'distance': Parameter(
+        value=value, std=9.6e-5)}, (), 1.0, 0.0, 1.0, None, Gain(1.0, 0.5, 1.5))
+        for value in (8.3e-5, 4e-4))
+    assert short.is_nothing
+    assert not long.may_be_zero
 
 
 @pytest.mark.parametrize(('name', 'size', 'idle'), [

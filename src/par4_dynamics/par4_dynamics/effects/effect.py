@@ -41,6 +41,8 @@ class EffectParameter:
         size: number of numbers it has; more than one for a vector of the machine.
         uniform: whether one number may stand for all numbers of a vector.
         is_shape: whether the columns depend on it; if not, it is a coefficient.
+        vanishing: whether there is no effect where this shape is zero, such as the distance over
+            which friction builds up.
         per_order: whether it may have a value for each order of a periodic torque, or for each term
             of a series. The one of these parameters that is a shape lists the orders.
         qualifies: whether it says of another parameter where, from what point or with which power
@@ -61,6 +63,7 @@ class EffectParameter:
     size: int = 1
     uniform: bool = False
     is_shape: bool = False
+    vanishing: bool = False
     per_order: bool = False
     qualifies: bool = False
     at_unit_speed: bool = False

@@ -114,7 +114,7 @@ class Presliding(Effect):
     phrase = 'elastic presliding before friction breaks away'
     friction_term = 'coulomb_friction'
     parameters = (EffectParameter(
-        'distance', 'rad', 'machine', is_shape=True, positive=True,
+        'distance', 'rad', 'machine', is_shape=True, vanishing=True, positive=True,
         meaning='D of dz/dq = (1 - z sign(qd)) / D, with z = 0 at the first stamp'),)
     needs_nominal = True
     fixed_coefficients = True

@@ -107,8 +107,8 @@ class Cause:
     def _sizes(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """The values of sizes, and deviations that tell whether they are zero."""
         told = [(name, self.parameters[name]) for name in (
-            parameter.name for parameter in self.effect.parameters if parameter.is_size)
-            if name in self.parameters]
+            parameter.name for parameter in self.effect.parameters
+            if parameter.is_size or parameter.vanishing) if name in self.parameters]
         return [(np.asarray(size.value, dtype=float), np.sqrt(np.maximum(
             np.square(np.asarray(size.std, dtype=float)) - self.by_shape.get(name, 0.0), 0.0)))
             for name, size in told]
