@@ -129,8 +129,9 @@ class Model:
         """
         known = state.nominal
         if known is not None:
-            state = state.with_nominal(replace(known, unscaled=lambda _: known.added,
-                                               following=lambda _: 0.0, scaling=lambda _: 0.0))
+            state = state.with_nominal(replace(
+                known, unscaled=lambda _: known.added, effects=lambda _: known.added,
+                scaling=lambda _: 0.0))
         return self._torque_of(state, lambda effect: effect.of_angle)
 
     def friction(self, state: State) -> dict[str, np.ndarray]:
@@ -156,14 +157,6 @@ class Model:
         """Return the torque (n, J), N m, of those that scale what the drives deliver."""
         return self._torque_of(state, lambda effect: effect.scales)
 
-    def own_torque(self, state: State) -> np.ndarray:
-        """Return the torque (n, J), N m, of those that follow from the nominal one in the machine.
-
-        What is told of it, in whatever scale, and recorded, late or not, follows from it.
-        """
-        return self._torque_of(state, lambda effect: effect.needs_nominal and not (
-            effect.retimes or effect.scales))
-
     def scale(self, state: State) -> np.ndarray | float:
         """Return what drives tell of a torque over that torque, (n, J), or 1; it follows from q."""
         if not any(active.effect.scales for active in self.effects):
@@ -173,7 +166,10 @@ class Model:
         return 1.0 + self.scaling_torque(state.with_nominal(one))
 
     def unscaled_torque(self, state: State) -> np.ndarray:
-        """Return the torque (n, J), N m, of all effects of the machine itself."""
+        """Return the torque (n, J), N m, of all effects of the machine itself.
+
+        What is told of it, in whatever scale, and recorded, late or not, follows from it.
+        """
         return self._torque_of(state, lambda effect: not (effect.scales or effect.retimes))
 
     def _torque_of(self, state: State, has: Callable[[Effect], bool]) -> np.ndarray:
@@ -208,7 +204,7 @@ class Model:
             torque=torque_of_values(state, self._linear), load=self.body_torque(state) + forces,
             values=self.values, whole=self.whole, body_torque=self.body_torque,
             angle_torque=bound.angle_torque, pull=self.pull_torque if pulls else None, added=added,
-            unscaled=bound.unscaled_torque, scale=self.scale(state), following=self.own_torque,
+            unscaled=bound.unscaled_torque, scale=self.scale(state), effects=self.unscaled_torque,
             scaling=self.scaling_torque, slips=self.slips, friction=self.friction,
             passed=self.passed_torque)
         read = state.with_nominal(nominal)

@@ -56,8 +56,7 @@ class Nominal:
             before: a gain that scaled a found one, too, could stand in its place. `scale` does
             that in the columns of the others.
         scale: recorded over delivered torque, (n, J), as far as known.
-        following: function of this motion; returns the torque of the effects that follow from the
-            nominal one, but for those that scale or retime it, (n, J) N m.
+        effects: the same of all effects of the machine itself, found ones, too.
         scaling: the same of those that scale it (`Effect.scales`).
         slips: function of another motion; returns the friction of joints that turn with the load,
             None if it has none (`Effect.slips`).
@@ -80,7 +79,7 @@ class Nominal:
     added: np.ndarray | float = 0.0
     unscaled: Callable[[State], np.ndarray | float] = lambda _: 0.0
     scale: np.ndarray | float = 1.0
-    following: Callable[[State], np.ndarray | float] = lambda _: 0.0
+    effects: Callable[[State], np.ndarray | float] = lambda _: 0.0
     scaling: Callable[[State], np.ndarray | float] = lambda _: 0.0
     slips: Callable[[State], LoadFriction | None] = lambda _: None
     passed: Callable[[State], np.ndarray] = lambda state: state.known.load
@@ -187,7 +186,7 @@ class State:
     @cached_property
     def delivered(self) -> np.ndarray:
         """The torque that the drives deliver, (n, J) N m."""
-        return self.known.independent + self.known.following(self)
+        return self.known.torque + self.known.effects(self)
 
     @cached_property
     def scaled(self) -> np.ndarray:
