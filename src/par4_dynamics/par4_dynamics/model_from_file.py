@@ -55,7 +55,7 @@ def torque_model(machine: Robot | Axis, model_file: ModelFile,
     missing = [term.name for term in wanted if term.name not in model_file.parameters]
     if missing:
         raise InputError(f'model for {machine.name}: missing parameters {", ".join(missing)}; '
-                         f'found {", ".join(model_file.parameters)}; add them')
+                         f'found {", ".join(model_file.parameters) or "none"}; add them')
     values = {}
     for term in (*wanted, *hung):
         parameter = model_file.parameters[term.name]
