@@ -15,6 +15,7 @@ from par4_identification.diagnosis.evidence.kind_functions import (
     creep,
     drift,
     gain,
+    rate,
 )
 
 T = np.arange(0.0, 6.0, 0.01)
@@ -79,3 +80,13 @@ def test_friction_that_changes_with_time_is_that_of_oil_that_warms_too():
     left = friction - columns @ np.linalg.lstsq(columns, friction, rcond=None)[0]
     alone = friction - known @ np.linalg.lstsq(known, friction, rcond=None)[0]
     assert np.std(left) < 0.1 * np.std(alone)
+
+
+def test_what_acts_on_the_delivered_torque_sees_that_of_the_effects():
+    """Those that follow from the nominal torque, too, such as a tilt or what springs carry."""
+    torque, more = 5.0 * np.sin(T), 3.0 * np.sin(4.0 * T)
+    state = run_of(0.0 * T, torque)
+    with_more = state.with_nominal(replace(state.nominal, effects=lambda _: more[:, None]))
+    whole = run_of(0.0 * T, torque + more)
+    for function in (rate, gain):
+        np.testing.assert_allclose(function(with_more, RANGES), function(whole, RANGES))

@@ -10,7 +10,9 @@ from hidden.physics import Torques
 from planned import evidence_of, log_of
 
 from par4_dynamics.effects.catalogue import CATALOGUE
+from par4_dynamics.model_file import EffectEntry, read_model_file
 from par4_dynamics.model_from_file import read_model
+from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis.diagnosis import diagnose
 from par4_identification.diagnosis.evidence.evidence import gather
 from par4_identification.diagnosis.evidence.observations import with_nominal
@@ -48,6 +50,22 @@ def test_a_drive_that_is_wrong_by_much_leaves_the_sizes_of_the_others_right():
             told = cause.parameters[key]
             expected = value if np.ndim(value) == 0 else value[list(cause.joints)]
             np.testing.assert_allclose(told.value, expected, rtol=0.02)
+
+
+def test_a_gain_that_the_model_knows_scales_what_is_found_beside_it():
+    gain = EffectEntry(effect='drive_gain_error', parameters={
+        'relative': Parameter(value=tuple(RELATIVE), unit='1')})
+    baseline = read_model_file('table1').model_copy(update={'effects': (gain,)})
+    answer = diagnose([recorded(11, 12.0)], KNOWN.robot, holdout_logs=[recorded(12, 8.0)],
+                      baseline=baseline, library={name: CATALOGUE[name] for name in (
+                          'torque_offset', 'external_force', 'theta_inertia')})
+    causes = {cause.effect.name: cause for cause in answer.causes}
+    assert set(causes) == {'torque_offset', 'external_force'}
+    for name, cause in causes.items():
+        for key, value in HIDDEN[name].items():
+            expected = value if np.ndim(value) == 0 else value[list(cause.joints)]
+            # as recorded they would be 30 % off and more
+            np.testing.assert_allclose(cause.parameters[key].value, expected, rtol=0.1)
 
 
 def test_columns_of_another_scale_are_not_used_again():
