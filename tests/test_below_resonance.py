@@ -79,8 +79,8 @@ def test_springs_that_counts_hide_are_named_with_what_is_beside_them(both):
     assert causes['elastic_transmission'].joints == (0, 1, 2, 3)
     np.testing.assert_allclose(stiffness.value, STIFFNESS, rtol=0.1)
     assert np.all(np.abs(np.array(stiffness.value) - STIFFNESS) < 3.0 * np.array(stiffness.std))
-    # the same machine by all rows is not told
-    assert first.unnamed
+    # the same machine by all rows is not told in full
+    assert first.verdict == 'partly_explained'
 
 
 def test_only_a_swing_within_the_rows_asks_for_lower_filters(both):
@@ -132,7 +132,8 @@ def test_lower_frequencies_tell_a_swing_that_all_rows_do_not(both, monkeypatch):
     """Counts swing loads little there."""
     _, first = both
     evidence, least = first.evidence, 2.0 * OF_PAR4.evidence
-    monkeypatch.setattr(candidates_module, 'first_look', lambda *_: Look((None,) * 4, 0.0, USUAL))
+    none = (None,) * 4
+    monkeypatch.setattr(candidates_module, 'first_look', lambda *_: Look(none, 0.0, none, USUAL))
     search = Candidates(SEARCHED, evidence, OF_PAR4)
     assert search.best(SEARCHED['elastic_transmission'], project(evidence, ())) is None
     found = search.softest

@@ -131,14 +131,15 @@ class Springs:
             self._load_torque = drive.motor_share, torque
         return torque
 
-    def torque(self, compliance: np.ndarray, drive: Drive = USUAL, every: int = 1
-               ) -> tuple[np.ndarray, np.ndarray]:
+    def torque(self, compliance: np.ndarray, drive: Drive = USUAL, every: int = 1,
+               missed: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Return the torque s / c of springs that twist by s, and the change of the load's torque.
 
         Args:
             compliance: c, (J,), rad/(N m); at most zero is rigid.
             drive: what they have in common.
             every: samples from step to step of the integration; more than one is quick and coarse.
+            missed: what `missed` returns of springs nearby; it takes most of the time.
 
         Returns:
             Two (n, J), N m; the nominal torque and zero where nothing twists, and for springs that
@@ -147,11 +148,13 @@ class Springs:
         rigid = self.rigid(drive)
         if not self._twist(compliance):
             return rigid, np.zeros_like(rigid)
-        load = self._load(compliance, drive, every)
-        spring, change, _, _ = self._swung(load, compliance, drive, every)
-        return self._told(spring, every), self._told(change, every) + (load - rigid)
+        if missed is None:
+            missed = self.missed(compliance, drive, every)
+        spring, change, _, _ = self._swung(rigid + missed, compliance, drive, every)
+        return self._told(spring, every), self._told(change, every) + missed
 
-    def slopes(self, compliance: np.ndarray, drive: Drive = USUAL, every: int = 1) -> np.ndarray:
+    def slopes(self, compliance: np.ndarray, drive: Drive = USUAL, every: int = 1,
+               missed: np.ndarray | None = None) -> np.ndarray:
         """Return the slopes of the change of `torque`, (n, J, J + 2), N m.
 
         They are those by the logarithms of the compliances, of the damping ratio and of the motor
@@ -160,7 +163,9 @@ class Springs:
         slopes = np.zeros((*self._whole_load.shape, self._whole_load.shape[1] + 2))
         if not self._twist(compliance):
             return slopes
-        load = self._load(compliance, drive, every)
+        if missed is None:
+            missed = self.missed(compliance, drive, every)
+        load = self.rigid(drive) + missed
         found = self._told(self._swung(load, compliance, drive, every, True)[3], every)
         slopes[..., [*np.flatnonzero(compliance > 0.0), -2, -1]] = found
         return slopes
@@ -172,24 +177,24 @@ class Springs:
         return self._state.geometry is not None or bool(
             np.all(1.0 + compliance * self._by_motion[2].min(axis=0)[0] > 0.0))
 
-    def _load(self, compliance: np.ndarray, drive: Drive, every: int) -> np.ndarray:
-        """Return what rigid springs would carry, with what the first order misses, (n, J), N m.
+    def missed(self, compliance: np.ndarray, drive: Drive = USUAL, every: int = 1) -> np.ndarray:
+        """Return what the first order misses of the load's torque along its motion, (n, J), N m.
 
-        That of the last compliances is kept: slopes are asked for where a torque was.
+        It is zero of coarse steps, of an axis, whose load is linear, and where nothing twists. That
+        of the last compliances is kept: slopes are asked for where a torque was.
         """
-        rigid = self.rigid(drive)
-        if every > 1 or self._state.geometry is None:  # coarse, linear
-            return rigid
+        if every > 1 or self._state.geometry is None or not self._twist(compliance):
+            return np.zeros_like(self._whole_load)
         asked = drive, tuple(compliance)
-        last, load = self._last
+        last, missed = self._last
         if last != asked:
-            motion = self._swung(rigid, compliance, drive)[2][:, self._before:]
+            motion = self._swung(self.rigid(drive), compliance, drive)[2][:, self._before:]
             try:
-                load = rigid + self._exact_change(motion, drive) - self._first_order(motion, drive)
+                missed = self._exact_change(motion, drive) - self._first_order(motion, drive)
             except UnreachableError:  # springs so soft are none that a machine has
-                load = rigid
-            self._last = asked, load
-        return load
+                missed = np.zeros_like(self._whole_load)
+            self._last = asked, missed
+        return missed
 
     def _told(self, steps: np.ndarray, every: int) -> np.ndarray:
         """Return values (n, ...) at the samples of the motion of those at the steps (m, ...)."""

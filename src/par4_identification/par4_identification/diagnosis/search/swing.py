@@ -35,8 +35,9 @@ PROMISED, NEAR = 0.2, 0.5
 """Shares of the gain that is wanted: which a first look must promise to be followed, and which it
 must promise, or compliances alone be worth, for numbers in common to be looked at. Where springs
 were found, the first look promised a quarter at the least; where there were none, up to a third."""
-SWEEPS, TRIALS = 3, 100
-"""Of the first look over the joints; of compliances in one descent."""
+SWEEPS, ROUNDS, TRIALS = 3, 5, 20
+"""Of the first look over the joints; of descents from where the last one came to; of compliances
+in one of them."""
 SETTLED = 1e-4
 """Share of the squares that a last step gains."""
 IN_BAND = 0.7
@@ -47,15 +48,19 @@ ENDED = {'damping_ratio': (0.0, 0.99 * DAMPING_RATIOS[1]),
 """Within these a search has not ended at a bound: what does is none that the data tell."""
 COARSE = tuple(Drive(COARSE_DAMPING, share) for share in (USUAL.motor_share, 0.75))
 """What transmissions have in common in the first look."""
-RIGID = 2.0
-"""Least compliance in a descent, over that of the stiffest transmission that is believed."""
+NARROWER = Drive(0.15, USUAL.motor_share)
+"""The same on the way from there: the basin of a narrow resonance does not reach as far."""
+RIGID, LEAST = 2.0, 1e-3
+"""Compliance of a joint that is taken for rigid, at the most, and least compliance in a descent;
+over that of the stiffest transmission that is believed."""
 AT_BOUND = 1e-6
-"""Of a logarithm: what starts as near to its bound starts there. A step that ends at a bound just
-ahead is none, and the descent would end with it."""
+"""Of x, for a value a sinh(x): a logarithm where it is large, in proportion where it is small, as
+torques are. What starts as near to its bound starts there. A step that ends at a bound just ahead
+is none, and the descent would end with it."""
 DIGITS = 9
-"""Of logarithms, so that a torque that was computed at a trial is found again."""
-WIDEST = 0.7
-"""First step of these logarithms at the most."""
+"""Of x, so that a torque that was computed at a trial is found again."""
+WIDEST, SHORTEST = 0.7, 1e-4
+"""First step of x at the most, and share of it below which a step ends a descent."""
 
 
 @dataclass(frozen=True)
@@ -85,11 +90,13 @@ class Look:
     Attributes:
         chosen: number of the compliance tried of each joint, None where it is rigid.
         squares: twice the gain in log-likelihood.
+        alone: the same as `chosen` of the one joint that explains most if all others are rigid.
         drive: what the transmissions have in common.
     """
 
     chosen: tuple[int | None, ...]
     squares: float
+    alone: tuple[int | None, ...]
     drive: Drive
 
 
@@ -128,10 +135,7 @@ def swing_in(projection: Projection, look: Look, price: float, known: Swing | No
         again = told(twisting.descended_from(replace(known, first_look=chosen)))
         if again.squares > look.squares or known.first_look == chosen:
             return again
-    best = Swing(twisting.tried(chosen), 0.0, chosen)
-    for drive in (look.drive, USUAL):
-        best = twisting.descended(best, drive)
-    best = told(best)
+    best = told(twisting.descended_anew(look))
     return best if again is None or again.squares < best.squares else again
 
 
@@ -161,6 +165,7 @@ class _Twisting:
         self._springs = {id(run.state): Springs(run.state) for run in runs}
         self._joints = projection.evidence.observations.joints
         self._believed = stiffnesses_of(runs[0].state)
+        self._least = LEAST / self._believed[1]
         soft, stiff = self._believed
         self._grid = np.geomspace(VISIBLE / stiff, 1.0 / soft, TRIED)
 
@@ -188,24 +193,74 @@ class _Twisting:
             for first, last in pairwise(ends)])
 
     def descended(self, start: Swing, drive: Drive = USUAL) -> Swing:
-        """Return where compliances and the numbers that `start` tells come to."""
-        joints, names = self._joints, list(start.told)
-        columns = [*range(joints), *(joints + COMMON.index(name) for name in names)]
+        """Return where compliances and the numbers that `start` tells come to.
+
+        What the first order of the twists misses changes little on the way and takes most of the
+        time: it is that of where a descent began, which begins again from where it came to.
+        """
+        free, names = np.flatnonzero(start.compliance > 0.0), list(start.told)
+        columns = [*free, *(self._joints + COMMON.index(name) for name in names)]
 
         def parts(trial: np.ndarray) -> tuple[np.ndarray, Drive]:
-            return trial[:joints], replace(drive, **dict(zip(names, trial[joints:].tolist())))
+            compliance = np.zeros(self._joints)
+            compliance[free] = trial[:len(free)]
+            return compliance, replace(drive, **dict(zip(names, trial[len(free):].tolist())))
 
-        soft, stiff = self._believed
-        box = np.stack([np.append(np.full(joints, compliance), np.log([
-            BOUNDS[name][side] for name in names]))
-            for side, compliance in enumerate(np.log((RIGID / stiff, 1.0 / soft)))])
-        begun = np.clip(np.log(np.append(start.compliance, list(start.told.values()))), *box)
-        found, squares = _descended(lambda trial: self._left(*parts(trial)),
-                                    lambda trial: self._slopes(*parts(trial))[:, columns], begun,
-                                    box)
-        compliance, drive = parts(_of_logarithms(found))
+        believed = np.stack([np.append(np.full(len(free), compliance), [
+            BOUNDS[name][side] for name in names])
+            for side, compliance in enumerate((self._least, 1.0 / self._believed[0]))])
+        scale = np.append(np.full(len(free), self._grid[0]), believed[0, len(free):])
+        box = np.arcsinh(believed / scale)
+
+        def values(x: np.ndarray) -> np.ndarray:
+            return np.asarray(scale * np.sinh(np.round(x, DIGITS)))
+
+        def slopes(x: np.ndarray, missed: list[np.ndarray]) -> np.ndarray:
+            trial = values(x)
+            return self._slopes(*parts(trial), missed, columns) * np.hypot(1.0, scale / trial)
+
+        def onward(here: np.ndarray, missed: list[np.ndarray]) -> np.ndarray:
+            return _descended(lambda x: self._left(*parts(values(x)), missed),
+                              lambda x: slopes(x, missed), here, box)
+
+        begun = np.append(start.compliance[free], list(start.told.values()))
+        here = np.clip(np.arcsinh(begun / scale), *box)
+        squares = self._squares(*parts(values(here)))
+        for _ in range(ROUNDS):
+            missed = self._missed(*parts(values(here)))
+            there = onward(here, missed)
+            left = self._squares(*parts(values(there)))
+            gained = squares - left
+            if gained > 0.0:
+                here, squares = there, left
+            if gained <= SETTLED * squares:
+                break
+        compliance, drive = parts(values(here))
         return Swing(compliance, _square(self._projection.residual) - squares, start.first_look,
                      {name: getattr(drive, name) for name in names})
+
+    def descended_anew(self, look: Look) -> Swing:
+        """Return where the compliances of a first look come to.
+
+        Other joints may swing much as the soft one does, so that there are several minima. Joints
+        are rigid to begin with where the look says so; once, all are but the one that explains most
+        alone.
+        """
+        return max((self._by_and_by(chosen, look)
+                    for chosen in dict.fromkeys((look.chosen, look.alone)) if any(
+                        index is not None for index in chosen)),
+                   key=lambda found: found.squares)
+
+    def _by_and_by(self, chosen: tuple[int | None, ...], look: Look) -> Swing:
+        """Return where compliances come to as resonances get narrower, at last those of all joints.
+        """
+        compliance = self.tried(chosen)
+        soft = np.array([index is not None for index in chosen])
+        found = Swing(np.where(soft, compliance, 0.0), 0.0, look.chosen)
+        for drive in (look.drive, NARROWER, USUAL):
+            found = self.descended(found, drive)
+        return self.descended(replace(
+            found, compliance=np.where(soft, found.compliance, compliance)))
 
     def descended_from(self, known: Swing) -> Swing:
         """Return where a swing found before comes to, without numbers that end at a bound."""
@@ -218,13 +273,18 @@ class _Twisting:
 
         One that ends at a bound may do so for want of the other.
         """
+        refused: dict[str, Swing] = {}
         for name in (*COMMON, COMMON[0]):
-            if name not in found.told and (name != 'damping_ratio' or self._rings_in_band(found)):
-                more = self.descended(replace(
-                    found, told={**found.told, name: getattr(USUAL, name)}))
-                if more.squares - found.squares > price and all(
-                        _is_told(key, value) for key, value in more.told.items()):
-                    found = more
+            if name in found.told or refused.get(name) is found or (
+                    name == 'damping_ratio' and not self._rings_in_band(found)):
+                continue
+            more = self.descended(replace(
+                found, told={**found.told, name: getattr(USUAL, name)}))
+            if more.squares - found.squares > price and all(
+                    _is_told(key, value) for key, value in more.told.items()):
+                found = more
+            else:
+                refused[name] = found
         return found
 
     def _rings_in_band(self, found: Swing) -> bool:
@@ -246,15 +306,30 @@ class _Twisting:
         return self._evidence.torques(
             [(ElasticTransmission, (drive, *row)) for row in trials], self._torque)
 
-    def _left(self, trial: np.ndarray, drive: Drive) -> np.ndarray:
-        return self._projection.residual - self._projection.rest(
-            self._torques(trial[None], drive)[:, 0])
+    def _squares(self, trial: np.ndarray, drive: Drive) -> float:
+        """Return what the exact torque of springs leaves of the target, in squares."""
+        return _square(self._projection.residual - self._projection.rest(
+            self._torques(trial[None], drive)[:, 0]))
 
-    def _slopes(self, trial: np.ndarray, drive: Drive) -> np.ndarray:
+    def _missed(self, trial: np.ndarray, drive: Drive) -> list[np.ndarray]:
+        """Return what the first order misses of the load's torque in each run, (n, J), N m."""
+        return [springs.missed(trial, drive, _every(drive)) for springs in self._springs.values()]
+
+    def _left(self, trial: np.ndarray, drive: Drive, missed: list[np.ndarray]) -> np.ndarray:
+        return self._projection.residual + self._turned([
+            springs.torque(trial, drive, _every(drive), own)[1][..., None]
+            for springs, own in zip(self._springs.values(), missed)])[:, 0]
+
+    def _slopes(self, trial: np.ndarray, drive: Drive, missed: list[np.ndarray],
+                columns: list[int]) -> np.ndarray:
+        return self._turned([springs.slopes(trial, drive, _every(drive), own)[..., columns]
+                             for springs, own in zip(self._springs.values(), missed)])
+
+    def _turned(self, torques: list[np.ndarray]) -> np.ndarray:
+        """Return minus what the projection leaves of torques (n, J, k) in each run, (N, k)."""
         evidence = self._evidence
-        return -self._projection.rest(np.concatenate(evidence.whitener.whiten([run.rows(
-            self._springs[id(run.state)].slopes(trial, drive, _every(drive)))
-            for run in evidence.observations.runs])))
+        return -self._projection.rest(np.concatenate(evidence.whitener.whiten([
+            run.rows(own) for run, own in zip(evidence.observations.runs, torques)])))
 
 
 def _is_told(name: str, value: float) -> bool:
@@ -273,16 +348,17 @@ def stiffnesses_of(state: State) -> tuple[float, float]:
 
 
 def without_rigid(compliance: np.ndarray, state: State) -> np.ndarray:
-    """Return the compliances (J,) that a descent found, zero where it ended at the least one."""
+    """Return the compliances (J,) that a descent found, zero where the joint is rigid."""
     _, stiff = stiffnesses_of(state)
-    return np.where(compliance > (1.0 + AT_BOUND) * RIGID / stiff, compliance, 0.0)
+    return np.where(compliance > RIGID / stiff, compliance, 0.0)
 
 
 def _first_look(alone: np.ndarray, target: np.ndarray, joints: int
-                ) -> tuple[tuple[int | None, ...], float]:
+                ) -> tuple[tuple[int | None, ...], float, tuple[int | None, ...]]:
     """Return which compliances explain most, and how much, if no joint moves another.
 
-    They are the numbers of those tried, a joint each, None where it is rigid.
+    They are the numbers of those tried, a joint each, None where it is rigid. The last are those of
+    the one joint that explains most by itself.
 
     Args:
         alone: torque of each of `TRIED` compliances on each joint, the others rigid, (n, J * g).
@@ -304,35 +380,35 @@ def _first_look(alone: np.ndarray, target: np.ndarray, joints: int
             best = int(np.argmax(worth))
             chosen[joint], squares = ((own[best], float(worth[best])) if worth[best] > rest
                                       else (-1, float(rest)))
-    return tuple(None if index < 0 else int(index) % TRIED for index in chosen), squares
+    joint, number = divmod(int(np.argmax(2.0 * moment - gram.diagonal())), TRIED)
+    return (tuple(None if index < 0 else int(index) % TRIED for index in chosen), squares,
+            tuple(number if own == joint else None for own in range(joints)))
 
 
 def _descended(left: Callable[[np.ndarray], np.ndarray], slopes: Callable[[np.ndarray], np.ndarray],
-               start: np.ndarray, believed: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return the logarithms x (p,) of the minimum of |left|^2 near `start` (p,), and its value.
+               start: np.ndarray, believed: np.ndarray) -> np.ndarray:
+    """Return the minimum x (p,) of |left|^2 near `start` (p,).
 
-    `left` (n,) and its slopes by the logarithms (n, p) are those of a trial exp(x) (p,). `believed`
-    has the lowest and the highest x; `start` lies between them.
+    `left` (n,) and its slopes (n, p) are those of x. `believed` has the lowest and the highest x;
+    `start` lies between them.
 
     The box of the first step is `WIDEST`, so that the search stays in the basin where it begins.
     """
     lowest, highest = believed
     start = np.where(start < lowest + AT_BOUND, lowest, start)
     start = np.where(start > highest - AT_BOUND, highest, start)
+    # around 1 in steps of `WIDEST`: the first step, and the last, are measured by where it begins
     found = scipy.optimize.least_squares(
-        lambda change: left(_of_logarithms(start + change)), np.zeros_like(start),
-        lambda change: slopes(_of_logarithms(start + change)), method='dogbox',
-        bounds=(lowest - start, highest - start), x_scale=WIDEST, ftol=SETTLED, max_nfev=TRIALS)
-    return start + found.x, 2.0 * float(found.cost)
-
-
-def _of_logarithms(trial: np.ndarray) -> np.ndarray:
-    return np.asarray(np.exp(np.round(trial, DIGITS)))
+        lambda steps: left(start + WIDEST * (steps - 1.0)), np.ones_like(start),
+        lambda steps: WIDEST * slopes(start + WIDEST * (steps - 1.0)),
+        method='dogbox', bounds=(1.0 + (lowest - start) / WIDEST, 1.0 + (highest - start) / WIDEST),
+        ftol=SETTLED, xtol=SHORTEST, max_nfev=TRIALS)
+    return start + WIDEST * (found.x - 1.0)
 
 
 def _every(drive: Drive) -> int:
     """Return the samples from step to step of the integration."""
-    return COARSE_STEP if drive in COARSE else 1
+    return COARSE_STEP if drive in (*COARSE, NARROWER) else 1
 
 
 def _square(values: np.ndarray) -> float:
