@@ -221,6 +221,10 @@ class Effect(ABC):
         """Return the shape of a machine that has only some of the `separable` sets."""
         return shape
 
+    def sets_of(self, shape: Shape) -> tuple[int, ...]:
+        """Return the numbers of the `separable` sets that a machine of a shape can have."""
+        return tuple(range(len(self.separable)))
+
     def exact_at(self, shape: Shape, joints: int) -> np.ndarray | None:
         """Return the only shared coefficients (K,) at which the columns of a shape are exact.
 

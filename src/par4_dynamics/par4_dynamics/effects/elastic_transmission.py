@@ -128,6 +128,11 @@ class ElasticTransmission(Effect):
     def exact_at(self, shape: Shape, joints: int) -> np.ndarray:
         return np.array([single(shape.get(name, 0.0)) for name in _names(joints)])
 
+    def sets_of(self, shape: Shape) -> tuple[int, ...]:
+        # what a rigid joint seems to twist is what other causes leave, and may have any sign
+        soft = np.flatnonzero(self.exact_at(shape, len(self.separable)))
+        return tuple(soft.tolist()) or super().sets_of(shape)
+
     def shape_of_sets(self, shape: Shape, sets: tuple[int, ...]) -> Shape:
         kept = [*map(_name, sets), *COMMON]
         return {name: value for name, value in shape.items() if name in kept}

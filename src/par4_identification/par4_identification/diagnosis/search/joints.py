@@ -112,7 +112,7 @@ def choices(hypothesis: Hypothesis, everywhere: tuple[int, ...]) -> Iterator[Hyp
     effect = hypothesis.named
     if len(everywhere) == 1:
         return
-    numbers = tuple(range(len(effect.separable))) if effect.shared else everywhere
+    numbers = effect.sets_of(hypothesis.shape) if effect.shared else everywhere
     of_joints = all(parameter.scope == 'joint' for parameter in effect.parameters
                     if not parameter.is_shape)
     for count in range(1, len(numbers) + 1):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -24,7 +24,11 @@ from par4_identification.diagnosis.search.causes import (
     unnamed_of,
 )
 from par4_identification.diagnosis.search.counts import Counts
-from par4_identification.diagnosis.search.joints import with_acting_joints, with_needed_joints
+from par4_identification.diagnosis.search.joints import (
+    choices,
+    with_acting_joints,
+    with_needed_joints,
+)
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.simplicity import (
     BY_CHANCE,
@@ -35,6 +39,9 @@ from par4_identification.diagnosis.search.weighing import Weighing
 
 SHARED = 0.5
 """Share of what a name explains alone below which the other causes explain most of that, too."""
+NEARLY = 0.8
+"""Share of what a name explains from which on fewer joints of it, or another name, may be all that
+the machine has of it, beside a cause that is not found yet."""
 LEFT_BY_FILTERS = 0.25
 """Share of what is left that a kind must explain if filters leave some of it in every record."""
 
@@ -346,25 +353,41 @@ class Search:
 
     def _with_several_instead(self, model: Hypotheses, visited: set[frozenset[str]]
                               ) -> Hypotheses | None:
-        """Return a model in which several names do decidedly better in the place of one.
-
-        The name that explains most is taken first, and may explain what several others make up.
-        Beside it each of them has little left to explain, and none does better in its place. Once
-        the others are known, such a name explains little of what it does alone.
-        """
+        """Return a model in which several names do decidedly better in the place of one."""
         inflation = self.weighing.requirement(model).inflation
         width, squares = self._width(model), sum(self.pool.fit(model).squares)
         for item in named_of(model):
-            others = others_of(model, item)
-            if self.weighing.gains(item, others)[0] > SHARED * self.weighing.gains(item, ())[0]:
-                continue
-            trial = self._grown(others, item, width)
-            gain = 0.5 * (squares - sum(self.pool.fit(trial).squares)) / inflation
-            fewer = width - self._width(trial)
-            if gain + self.rules.price * fewer > self.rules.twin and (
-                    names_of(trial) not in visited):
-                return trial
+            for start in self._starts_without(item, others_of(model, item)):
+                trial = self._grown(start, item, width)
+                gain = 0.5 * (squares - sum(self.pool.fit(trial).squares)) / inflation
+                fewer = width - self._width(trial)
+                if gain + self.rules.price * fewer > self.rules.twin and (
+                        names_of(trial) not in visited):
+                    return trial
         return None
+
+    def _starts_without(self, cause: Hypothesis, others: Hypotheses) -> Iterator[Hypotheses]:
+        """Yield models from which several names may grow that explain more than a cause does.
+
+        The name that explains most is taken first, and may explain what several others make up.
+        Beside it each of them has little left to explain, and none does better in its place. Once
+        the others are known, such a name explains little of what it does alone. Or it has more
+        joints than the machine does, which explain a bit of another cause; nearly as much is
+        explained by half of its coefficients, or by a name with so few.
+        """
+        gained = self.weighing.gains(cause, others)[0]
+        if gained <= SHARED * self.weighing.gains(cause, ())[0]:
+            yield self.tested(others)
+        named = [rival.hypothesis for rival in self.rivals(cause, others)
+                 if rival.hypothesis is not None and rival.believable
+                 and not isinstance(rival.hypothesis.effect, Kind)]
+        fewer = [item for item in (*choices(cause, self._joints), *named)
+                 if 2 * self.pool.width(item) <= self.pool.width(cause)
+                 and self.weighing.gains(item, others)[0] > NEARLY * gained]
+        for item in fewer:
+            if self.pool.width(item) == min(self.pool.width(own) for own in fewer
+                                            if own.effect is item.effect):
+                yield (*others, item)
 
     def _grown(self, model: Hypotheses, without: Hypothesis, most: int) -> Hypotheses:
         """Return a model with the names that are found beside it, but for a given one.
@@ -372,7 +395,7 @@ class Search:
         It has at most so many coefficients, unless it has more to begin with.
         """
         without_it = {without.effect.name}
-        model, refused = self.tested(model), set(without_it)
+        refused = set(without_it)
         while (step := self._with_a_name(model, refused)) is not None:
             trial = self.tested(step)
             if len(trial) <= len(model) or self._width(trial) > most:
