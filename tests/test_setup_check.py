@@ -140,6 +140,21 @@ def test_what_is_late_in_one_part_is_no_clock_that_drifts(clean, start):
     assert 'clock_drift' not in dict(found(mistakes.late_from(clean, start, 0.02))[0])
 
 
+@pytest.mark.parametrize('shape', ['slow', 'circles'])
+def test_friction_that_falls_while_a_machine_warms_up_is_no_clock_that_drifts(shape):
+    """Both change what goes with the speed as time goes on; a clock is told beside it all the same.
+    """
+    known = known_machine('reference')
+    warming = HIDERS['friction_drift'].build(
+        known.machine, {'drop': 0.5, 'viscous_drop': 0.5, 'time_constant': 7.0})
+    log = record(known, warming, draw_motion(shape, REFERENCE, 20.0, SEED + 4), fidelity='exact',
+                 noise=Noise(torque_noise=0.05), seed=4, feedforward=None, wander=None,
+                 name='drive test').log
+    assert found(log)[0] == []
+    if shape == 'circles':
+        assert found(mistakes.fast_clock(log, 0.0012))[0] == [('clock_drift', (0, 1, 2, 3))]
+
+
 def test_many_slips_of_an_encoder_are_one_finding(clean):
     times = np.arange(2.0, 8.0)
     slipped = clean

@@ -31,6 +31,7 @@ from par4_identification.setup_check.timing import (
     timing_findings,
     timing_of,
     with_memory,
+    with_warming,
 )
 from par4_identification.setup_check.units import in_si
 from par4_identification.setup_check.wiring import (
@@ -178,8 +179,9 @@ def _timed(check: SetupCheck) -> SetupCheck:
         if rows is None:
             unsought.append(log.name)
             continue
-        rival = equations_of(stretches, None, columns_of=with_memory) if rows.of_axis else None
-        timing = timing_of(rows, rival)
+        timing = (timing_of(rows, equations_of(stretches, None, columns_of=with_memory))
+                  if rows.of_axis else timing_of(equations_of(
+                      stretches, _geometry(check), columns_of=with_warming)))
         if timing is not None:
             logs = list(check.logs)
             logs[number] = on_time(log, timing)
