@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from itertools import pairwise
 from types import SimpleNamespace
 from unittest import mock
 
@@ -151,6 +152,11 @@ def test_friction_that_falls_while_a_machine_warms_up_is_no_clock_that_drifts(sh
                  noise=Noise(torque_noise=0.05), seed=4, feedforward=None, wander=None,
                  name='drive test').log
     assert found(log)[0] == []
+    # in pieces, too: the machine does not grow cold at a gap
+    ends = np.linspace(0, len(log.t), 6).astype(int)
+    pieces = replace(log, segments=tuple(
+        slice(first, last - 20) for first, last in pairwise(ends)))
+    assert found(pieces)[0] == []
     if shape == 'circles':
         assert found(mistakes.fast_clock(log, 0.0012))[0] == [('clock_drift', (0, 1, 2, 3))]
 

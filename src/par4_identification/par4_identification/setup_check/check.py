@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -179,9 +180,11 @@ def _timed(check: SetupCheck) -> SetupCheck:
         if rows is None:
             unsought.append(log.name)
             continue
-        timing = (timing_of(rows, equations_of(stretches, None, columns_of=with_memory))
-                  if rows.of_axis else timing_of(equations_of(
-                      stretches, _geometry(check), columns_of=with_warming)))
+        if rows.of_axis:
+            timing = timing_of(rows, equations_of(stretches, None, columns_of=with_memory))
+        else:
+            timing = timing_of(equations_of(stretches, _geometry(check), columns_of=partial(
+                with_warming, seconds=float(stretches[-1].t[-1]))))
         if timing is not None:
             logs = list(check.logs)
             logs[number] = on_time(log, timing)

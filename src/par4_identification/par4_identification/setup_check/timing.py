@@ -161,16 +161,17 @@ def _goes_on(rows: Equations, torque: _Torque, delay: float, middle: float, rate
     return True
 
 
-def with_warming(state: State) -> np.ndarray:
+def with_warming(state: State, seconds: float) -> np.ndarray:
     """Return the base columns of a robot, and friction that changes with time, (n, J, p).
 
+    It changes over the log, which takes so many `seconds`, not over each stretch of it anew.
     At another time, the torque that accelerates has more or less of viscous friction in it. Without
     these columns friction that falls by a half looked like a clock that is off by half a
     thousandth, and made the rate of one that was wrong by 1.2 thousandths 0.9.
     """
     columns = base_columns(state)
-    time = (state.t - state.t[0]) / max(float(state.t[-1] - state.t[0]), 1e-12)
-    changing = [columns[..., -2:] * (time ** power)[:, None, None] for power in (1, 2, 3)]
+    changing = [columns[..., -2:] * ((state.t / seconds) ** power)[:, None, None]
+                for power in (1, 2, 3)]
     return np.concatenate((columns[..., :-2], *changing, columns[..., -2:]), axis=-1)
 
 
