@@ -81,6 +81,7 @@ def test_springs_that_counts_hide_are_named_with_what_is_beside_them(both):
     assert np.all(np.abs(np.array(stiffness.value) - STIFFNESS) < 3.0 * np.array(stiffness.std))
     # the same machine by all rows is not told in full
     assert first.verdict == 'partly_explained'
+    assert first.remaining.floor_excess > 2.0 * answer.remaining.floor_excess
 
 
 def test_only_a_swing_within_the_rows_asks_for_lower_filters(both):
