@@ -12,9 +12,10 @@ from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.pool import Pool
 from par4_identification.diagnosis.evidence.unnamed import Kinds
 from par4_identification.diagnosis.search.candidates import Candidates
+from par4_identification.diagnosis.search.first_look import first_look
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.search import Search
-from par4_identification.diagnosis.search.swing import first_look, swing_in
+from par4_identification.diagnosis.search.swing import swing_in
 from robots import REFERENCE, model_with
 
 MODEL = read_model('table1', REFERENCE)
@@ -58,7 +59,7 @@ def search_on(evidence, heldout, library=(), rules=None):
                   Kinds(evidence.observations))
 
 
-def springs_in(projection, known=None, wanted=0.0):
+def springs_in(projection, known=(), wanted=0.0):
     """Return the transmissions that twist; None where a first look promises too little."""
     look = first_look(projection)
     if look.squares <= 2.0 * Rules().evidence:

@@ -23,17 +23,9 @@ from par4_identification.diagnosis.below_resonance import (
 )
 from par4_identification.diagnosis.diagnosis import CONDITIONING, LIBRARY, diagnose
 from par4_identification.diagnosis.evidence.projection import project
-from par4_identification.diagnosis.search import candidates as candidates_module
-from par4_identification.diagnosis.search.candidates import Candidates
+from par4_identification.diagnosis.search.first_look import LOWER_BAND, first_look
 from par4_identification.diagnosis.search.rules import OF_PAR4
-from par4_identification.diagnosis.search.swing import (
-    LOWER_BAND,
-    USUAL,
-    Look,
-    Swing,
-    first_look,
-    swing_below,
-)
+from par4_identification.diagnosis.search.swing import Swing, swing_in
 from par4_identification.reports.outcome.diagnosis import outcome_of_diagnosis
 
 STIFFNESS = np.array([7020.0, 6530.0, 7920.0, 5960.0])
@@ -129,30 +121,20 @@ def springs_by_frequency(evidence):
     return low, torque - low
 
 
-def test_lower_frequencies_tell_a_swing_that_all_rows_do_not(both, monkeypatch):
-    """Counts swing loads little there."""
+def test_a_first_look_tells_a_swing_that_counts_hide_from_a_descent(both):
+    """What opposes the springs at higher frequencies hides them there, and not from the look."""
     _, first = both
     evidence, least = first.evidence, 2.0 * OF_PAR4.evidence
-    none = (None,) * 4
-    monkeypatch.setattr(candidates_module, 'first_look', lambda *_: Look(none, 0.0, none, USUAL))
-    search = Candidates(SEARCHED, evidence, OF_PAR4)
-    assert search.best(SEARCHED['elastic_transmission'], project(evidence, ())) is None
-    found = search.softest
-    np.testing.assert_allclose(found.compliance, 1.0 / STIFFNESS, rtol=0.5)
-    true = resonance([Swing(1.0 / STIFFNESS, 0.0, ())], evidence.observations)
-    assert resonance([found], evidence.observations) == pytest.approx(true, rel=0.2)
-    assert resonance([None], evidence.observations) is None
-    # what opposes the springs at higher frequencies hides them from all rows, not from these
+    true = resonance([Swing(1.0 / STIFFNESS, 0.0, 1.0 / STIFFNESS)], evidence.observations)
+    assert resonance([], evidence.observations) is None
     low, high = springs_by_frequency(evidence)
     opposed = SimpleNamespace(evidence=evidence, rest=project(evidence, ()).rest,
                               residual=low - 30.0 * high)
-    assert first_look(opposed).squares <= least
-    hidden = swing_below(opposed, least)
-    assert resonance([hidden], evidence.observations) == pytest.approx(true, rel=0.2)
-    # the look stops at the same evidence as that at all rows
-    assert swing_below(project(evidence, ()), 0.99 * found.squares) is not None
-    assert swing_below(project(evidence, ()), found.squares) is None
-    assert found.squares > least
+    look = first_look(opposed)
+    assert look.squares > least
+    found = Swing(look.compliance, look.squares, look.compliance)
+    assert resonance([found], evidence.observations) == pytest.approx(true, rel=0.2)
+    assert swing_in(opposed, look, 2.0 * OF_PAR4.price).squares < 0.0
 
 
 @pytest.mark.parametrize(('damping', 'std', 'share', 'is_told'), [

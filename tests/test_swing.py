@@ -14,7 +14,7 @@ from hidden.scenario import Task, draw_scenario, record_scenario
 from hidden.study import diagnosis_of
 from planned import evidence_of, log_of
 from searches import MODEL as ON_MODEL
-from searches import log_with, search_on, springs_in
+from searches import cause, log_with, search_on, springs_in
 
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.effects.springs import DAMPING_RATIO, FIRST, USUAL, Drive, Springs
@@ -27,17 +27,18 @@ from par4_identification.diagnosis.evidence.dithered import dithered
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.projection import project
 from par4_identification.diagnosis.search import candidates as candidates_module
-from par4_identification.diagnosis.search.candidates import FIRST_ORDER, Candidate, Candidates
+from par4_identification.diagnosis.search.candidates import Candidate, Candidates
+from par4_identification.diagnosis.search.first_look import Look, first_look
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.search import Search
 from par4_identification.diagnosis.search.swing import (
+    ALIKE,
     PROMISED,
     RIGID,
-    Look,
+    WIDE,
     Swing,
     _descended,
     _Twisting,
-    first_look,
     stiffnesses_of,
     swing_in,
     without_rigid,
@@ -133,8 +134,8 @@ def test_damping_that_is_none_of_a_transmission_is_not_told(told):
     """Nor is it where an earlier search told one and the descent runs to the bound from there."""
     true = 1.0 / (LOAD * (2.0 * np.pi * 22.0) ** 2)
     projection = project(evidence_of_axis(true, damping_ratio=0.6), [])
-    known = None if told is None else replace(
-        springs_in(projection), told={'damping_ratio': told})
+    known = () if told is None else (replace(
+        springs_in(projection), told={'damping_ratio': told}),)
     assert 'damping_ratio' not in springs_in(projection, known).told
 
 
@@ -214,7 +215,7 @@ def test_a_later_search_tells_what_an_earlier_one_could_not():
     projection = project(evidence_of_axis(true, motor_share=motor_share), [])
     anew = springs_in(projection)
     known = Swing(0.6 * anew.compliance, 0.0, anew.first_look)
-    again = springs_in(projection, known)
+    again = springs_in(projection, (known,))
     assert again.told['motor_share'] == pytest.approx(motor_share, rel=0.03)
 
 
@@ -315,27 +316,28 @@ def test_a_search_that_goes_on_from_another_one_ends_where_it_would():
     true = 1.0 / (LOAD * (2.0 * np.pi * 22.0) ** 2)
     projection = project(evidence_of_axis(true, damping_ratio=0.15), [])
     anew = springs_in(projection)
-    near = Swing(1.2 * anew.compliance, 0.0, (None,), {'damping_ratio': 0.1})
+    near = Swing(1.2 * anew.compliance, 0.0, anew.first_look, {'damping_ratio': 0.1})
     # in another basin: it is begun anew
-    far = Swing(np.array([30.0 * true]), 0.0, (None,), {'damping_ratio': 0.1})
+    far = Swing(np.array([30.0 * true]), 0.0, np.array([30.0 * true]), {'damping_ratio': 0.1})
     for known in (near, far):
-        found = springs_in(projection, known)
+        found = springs_in(projection, (known,))
         np.testing.assert_allclose(found.compliance, anew.compliance, rtol=0.01)
         assert found.told['damping_ratio'] == pytest.approx(anew.told['damping_ratio'], rel=0.05)
 
 
-def test_a_search_whose_first_look_is_the_same_is_not_begun_anew(monkeypatch):
-    """Not even where the first look promises more than the descent can keep."""
+@pytest.mark.parametrize(('share', 'is_anew'), [(0.9 * ALIKE, False), (1.1 * ALIKE, True)])
+def test_a_search_whose_first_look_is_alike_is_not_begun_anew(monkeypatch, share, is_anew):
+    """It goes on from that of those found before whose first look is most like this one."""
     projection = project(evidence_of_axis(1.0 / (LOAD * (2.0 * np.pi * 22.0) ** 2),
                                           damping_ratio=0.15, motor_share=0.7), [])
     anew = springs_in(projection)
-    monkeypatch.setattr('par4_identification.diagnosis.search.swing._first_look',
-                        lambda *_: (anew.first_look, 2.0 * anew.squares, anew.first_look))
+    alike = replace(anew, first_look=(1.0 + share) * anew.first_look)
+    far = Swing(30.0 * anew.compliance, 0.0, 30.0 * anew.first_look)
     descents = []
     monkeypatch.setattr('par4_identification.diagnosis.search.swing._descended',
                         lambda *asked: descents.append(asked) or _descended(*asked))
-    found = springs_in(projection, anew)
-    assert len(descents) == 1
+    found = springs_in(projection, (far, alike, far))
+    assert (len(descents) > 1) == is_anew
     np.testing.assert_allclose(found.compliance, anew.compliance, rtol=1e-3)
 
 
@@ -358,17 +360,19 @@ def test_a_later_search_begins_where_an_earlier_one_ended(monkeypatch):
     monkeypatch.setattr(candidates_module, 'swing_in', noted(begun))
     evidence = evidence_of_axis(1.0 / (LOAD * (2.0 * np.pi * 22.0) ** 2))
     effect, known = CATALOGUE['elastic_transmission'], Swing(
-        np.array([1e-4]), 0.0, (0,), {'damping_ratio': 0.1})
-    candidates = Candidates({effect.name: effect}, evidence, Rules(), known)
+        np.array([1e-4]), 0.0, np.array([1e-4]), {'damping_ratio': 0.1})
+    candidates = Candidates({effect.name: effect}, evidence, Rules(), (known,))
     candidates.best(effect, project(evidence, []))
-    assert [asked[3] for asked in begun] == [known]
+    found = candidates.swings[-1]
+    candidates.best(effect, project(evidence, [cause('stribeck', (0,), stribeck_velocity=0.1)]))
+    assert [asked[3] for asked in begun] == [[known], [known, found]]
 
 
 def noted(followed):
     """Return a descent that notes what it was asked and finds what the first look promises."""
-    def descent(projection, look, price, known=None, wanted=0.0):
-        followed.append((projection, look, price, known, wanted))
-        return Swing(np.array([1e-4]), look.squares, look.chosen)
+    def descent(projection, look, price, known=(), wanted=0.0):
+        followed.append((projection, look, price, list(known), wanted))
+        return Swing(np.array([1e-4]), look.squares, look.compliance)
     return descent
 
 
@@ -382,7 +386,7 @@ def test_springs_are_followed_where_they_promise_a_share_of_what_is_wanted(monke
     candidates = Candidates({effect.name: effect}, evidence, Rules())
     most = promised / PROMISED
     assert candidates.best(effect, projection, 1.01 * most) is None
-    assert candidates.softest is None  # nor does it look for springs below their resonance
+    assert candidates.swings == []
     assert candidates.best(effect, projection, 0.99 * most).gain == pytest.approx(promised)
     assert len(followed) == 1
     # one that falls short of what is wanted is looked at more closely where less is
@@ -390,20 +394,6 @@ def test_springs_are_followed_where_they_promise_a_share_of_what_is_wanted(monke
     assert candidates.best(effect, projection).gain == pytest.approx(promised)
     assert [asked[-1] for asked in followed] == [
         pytest.approx(2.0 * wanted) for wanted in (0.99 * most, promised)]
-
-
-def test_springs_are_looked_at_where_their_first_order_explains_some_of_what_is_wanted(monkeypatch):
-    looked = []
-    monkeypatch.setattr(candidates_module, 'first_look', lambda projection: (
-        looked.append(projection), Look((None,), 0.0, (None,), USUAL))[1])
-    evidence = evidence_of_axis(1.0 / (LOAD * (2.0 * np.pi * 22.0) ** 2))
-    effect, projection = CATALOGUE['elastic_transmission'], project(evidence, [])
-    explained = 0.5 * projection.gain(effect, {})
-    candidates = Candidates({effect.name: effect}, evidence, Rules())
-    assert candidates.best(effect, projection, 1.01 * explained / FIRST_ORDER) is None
-    assert looked == []
-    candidates.best(effect, projection, 0.99 * explained / FIRST_ORDER)
-    assert looked == [projection]
 
 
 def test_orders_are_weighed_against_what_is_quicker_unless_less_is_wanted(monkeypatch):
@@ -468,19 +458,28 @@ def test_springs_are_looked_at_again_where_a_better_candidate_is_refused(monkeyp
 
 
 def test_numbers_in_common_are_told_where_springs_are_worth_half_of_what_is_wanted():
-    """A load that rings promises much, and leaves more than a rigid one at the usual damping."""
-    true = 1.0 / (LOAD * (2.0 * np.pi * 22.0) ** 2)
-    projection = project(evidence_of_axis(true, damping_ratio=0.15), [])
-    alone = springs_in(projection, wanted=np.inf)
+    """Damped more than usual, two joints promise much and leave more than rigid ones at first."""
+    projection = project(evidence_of_machine((3500.0, 0.0, 0.0, 4200.0), damping_ratio=0.25), [])
+    alone, promised = springs_in(projection, wanted=np.inf), first_look(projection).squares
     assert alone.told == {}
-    worth = max(alone.squares, first_look(projection).squares)
-    assert springs_in(projection, wanted=1.9 * worth).told['damping_ratio'] > 0.1
-    assert springs_in(projection, wanted=2.1 * worth).told == {}
-    ringing = project(evidence_of_axis(1.0 / (LOAD * (2.0 * np.pi * 19.0) ** 2),
-                                       damping_ratio=0.01), [])
-    promised = first_look(ringing).squares
-    assert springs_in(ringing, wanted=np.inf).squares < 0.0
-    assert springs_in(ringing, wanted=1.9 * promised).told['damping_ratio'] < 0.03
+    assert alone.squares < 0.0
+    assert springs_in(projection, wanted=1.9 * promised).told['damping_ratio'] == pytest.approx(
+        0.25, rel=0.01)
+    assert springs_in(projection, wanted=2.1 * promised).told == {}
+    # where the compliances alone are worth more than that, it is they who must be
+    usual = project(evidence_of_axis(1.0 / (LOAD * (2.0 * np.pi * 22.0) ** 2),
+                                     damping_ratio=0.052), [])
+    worth, promised = springs_in(usual, wanted=np.inf).squares, first_look(usual).squares
+    assert worth > promised
+    assert springs_in(usual, wanted=worth + promised).told['damping_ratio'] == pytest.approx(
+        0.052, rel=0.01)
+    assert springs_in(usual, wanted=2.1 * worth).told == {}
+
+
+def evidence_of_machine(stiffness, seed=1, **common):
+    """Return rows of the reference robot with some soft joints."""
+    return evidence_of(log_with(('elastic_transmission', {'stiffness': stiffness, **common}),
+                                seed=seed, duration=6.0), REFERENCE, ON_MODEL)
 
 
 def residual_and_change(counts, compliance, damping_ratio, motion='circles', feedforward=True,
@@ -593,7 +592,7 @@ def test_a_load_that_swings_the_other_way_is_no_spring():
     other = project(replace(evidence, target=-evidence.target), [])
     assert springs_in(other) is None
     # followed all the same it ends stiffer than any spring that is believed, and is none
-    found = swing_in(other, first_look(other), 2.0 * Rules().price)
+    found = swing_in(other, Look(np.array([true]), 0.0), 2.0 * Rules().price)
     assert found.compliance > 0.0
     assert without_rigid(found.compliance, evidence.observations.runs[0].state) == [0.0]
 
@@ -605,7 +604,7 @@ def test_a_joint_as_stiff_as_any_is_no_part_of_a_candidate(monkeypatch):
     rigid = np.array([RIGID / stiff])
     for compliance, told in ((rigid, 0.0), (1.01 * rigid, 1.01 * rigid[0])):
         monkeypatch.setattr(candidates_module, 'swing_in',
-                            lambda *_, found=compliance: Swing(found, 1e6, (0,)))
+                            lambda *_, found=compliance: Swing(found, 1e6, found))
         candidate = Candidates({effect.name: effect}, evidence, Rules()).best(effect, projection)
         assert effect.exact_at(candidate.hypothesis.shape, 1) == pytest.approx([told])
 
@@ -660,19 +659,13 @@ def test_a_lossy_log_of_a_machine_that_rings_tells_its_springs():
     found = diagnose([logs[0]], known.robot, holdout_logs=[logs[1]], library={
         name: LIBRARY[name] for name in ('elastic_transmission', 'actuator_lag', 'cogging')})
     assert found.verdict == 'explained'
-    cause, = found.causes
-    assert (cause.effect.name, cause.joints) == ('elastic_transmission', (0, 1, 2, 3))
-    np.testing.assert_allclose(cause.parameters['stiffness'].value, 5000.0, rtol=0.05)
+    named, = found.causes
+    assert (named.effect.name, named.joints) == ('elastic_transmission', (0, 1, 2, 3))
+    np.testing.assert_allclose(named.parameters['stiffness'].value, 5000.0, rtol=0.05)
     assert found.holdout.explained_fraction > 0.9
     for run in (*found.evidence.observations.runs, *found.holdout.runs):
         assert not run.valid[run.t < run.state.t[0] + FIRST].any()
         assert run.valid[run.t < run.state.t[0] + 2.0 * FIRST].any()
-
-
-def evidence_of_machine(stiffness, seed=1):
-    """Return rows of the reference robot with some soft joints."""
-    return evidence_of(log_with(('elastic_transmission', {'stiffness': stiffness}), seed=seed,
-                                duration=6.0), REFERENCE, ON_MODEL)
 
 
 def test_a_descent_tells_what_the_exact_torque_leaves():
@@ -706,6 +699,34 @@ def test_no_number_in_common_is_sought_twice_from_the_same_springs(monkeypatch):
     springs_in(project(evidence_of_machine((0.0, 2500.0, 0.0, 0.0)), []))
     assert [[name for name, _ in told] for _, told, *_ in begun if told] == [
         ['damping_ratio'], ['motor_share']]
+
+
+def test_a_joint_that_an_earlier_search_took_for_rigid_begins_as_the_look_has_it():
+    stiffness = np.array((0.0, 2500.0, 4000.0, 0.0))
+    projection = project(evidence_of_machine(tuple(stiffness)), [])
+    look = first_look(projection).compliance
+    known = Swing(np.array((0.0, 1.0 / 2500.0, 0.0, 0.0)), 0.0, look)
+    found = springs_in(projection, (known,)).compliance[1:3]
+    np.testing.assert_allclose(1.0 / found, stiffness[1:3], rtol=1e-3)
+
+
+def test_narrow_resonances_are_not_tried_where_wide_ones_leave_more_than_none(monkeypatch):
+    projection = project(evidence_of_machine((0.0, 2500.0, 0.0, 0.0)), [])
+    look = first_look(projection)
+    drives = []
+
+    def noted(self, start, drive=USUAL, descended=_Twisting.descended):
+        drives.append(drive)
+        return descended(self, start, drive)
+
+    monkeypatch.setattr(_Twisting, 'descended', noted)
+    assert swing_in(projection, look, 2.0 * Rules().price).squares > 0.0
+    assert USUAL in drives
+    drives.clear()
+    other = project(replace(projection.evidence, target=0.05 * projection.evidence.target), [])
+    found = swing_in(other, Look(look.compliance[::-1], look.squares), 2.0 * Rules().price)
+    assert found.squares < 0.0
+    assert drives == [WIDE]
 
 
 @pytest.mark.parametrize(('stiffness', 'seed'), [

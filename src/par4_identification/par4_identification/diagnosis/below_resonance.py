@@ -18,7 +18,8 @@ from par4_dynamics.effects.elastic_transmission import ElasticTransmission
 from par4_dynamics.effects.springs import USUAL, Drive, Springs
 from par4_dynamics.model_from_file import torque_model
 from par4_identification.diagnosis.evidence.observations import Observations
-from par4_identification.diagnosis.search.swing import LOWER_BAND, Swing
+from par4_identification.diagnosis.search.first_look import LOWER_BAND
+from par4_identification.diagnosis.search.swing import Swing
 from par4_identification.diagnosis.verdict.answer import EITHER_SIDE, Cause, Diagnosis
 from par4_identification.signals.conditioning import Conditioning
 from par4_kinematics.robot import Axis, Robot
@@ -34,14 +35,14 @@ NEARLY_ALL = 0.05
 Springs that were told for gaps left 0.35 and more."""
 
 
-def resonance(swings: Sequence[Swing | None], observations: Observations) -> float | None:
+def resonance(swings: Sequence[Swing], observations: Observations) -> float | None:
     """Return the lowest resonance (Hz) of loads that a search found to swing, None if none does.
 
     Args:
-        swings: what one search after the other found.
+        swings: what searches found, one after the other.
         observations: rows with their nominal torque.
     """
-    found = [(swing, replace(USUAL, **swing.told)) for swing in swings if swing is not None]
+    found = [(swing, replace(USUAL, **swing.told)) for swing in swings]
     springs = [Springs(run.state) for run in observations.runs]
     return min((float(own.resonances(swing.compliance, drive).min())
                 for own in springs for swing, drive in found), default=None)

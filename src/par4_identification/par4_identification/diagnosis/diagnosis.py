@@ -252,7 +252,7 @@ def _diagnosed(start: Start, heldout: Observations, machine: Robot | Axis,
     progress('searching for causes')
     search = _search(observations, heldout, whitener, first, rules, first_moved, kinds)
     model = search.run()
-    softest = search.candidates.softest
+    swings = search.candidates.swings
     held: frozenset[str] = frozenset()  # names whose torque the nominal one has
     for _ in range(PASSES):
         named, found = named_of(model), search.pool.solution(model)
@@ -276,11 +276,11 @@ def _diagnosed(start: Start, heldout: Observations, machine: Robot | Axis,
         whitener, held = replace(quiet, runs=observations.runs), names_of(named)
         search = _search(observations, heldout, whitener, applicable, rules,
                          moved.with_nominal(better), kinds, search.pool.evidence if same else None,
-                         search.candidates.swing)
+                         search.candidates.swings)
         model = search.run(tuple(named))
     answer = summed_up(search, model, machine, baseline, rigid_body, effects, fit_runs, progress)
     return replace(answer, left_out=start.left_out, swing_hz=resonance(
-        [softest, search.candidates.swing], observations))
+        [*swings, *search.candidates.swings[-1:]], observations))
 
 
 def _base_model(start: Start, machine: Robot | Axis, baseline: ModelFile | None) -> Model:
@@ -292,13 +292,13 @@ def _base_model(start: Start, machine: Robot | Axis, baseline: ModelFile | None)
 
 def _search(observations: Observations, heldout: Observations, whitener: Whitener,
             library: Mapping[str, Effect], rules: Rules, moved: Dithered,
-            kinds: Kinds, before: Evidence | None = None, swing: Swing | None = None) -> Search:
+            kinds: Kinds, before: Evidence | None = None, swings: Sequence[Swing] = ()) -> Search:
     """Return a search over whitened rows.
 
-    `before` is that of the same rows, for its columns, `swing` what an earlier search found to
+    `before` is that of the same rows, for its columns, `swings` what earlier searches found to
     twist.
     """
     evidence = gather(observations, whitener, before)
     kept = gather(heldout, replace(whitener, runs=heldout.runs))
     pool = Pool(evidence, kept, counted_squares(moved, evidence))
-    return Search(Candidates(library, evidence, rules, swing), pool, rules, moved, kinds)
+    return Search(Candidates(library, evidence, rules, swings), pool, rules, moved, kinds)

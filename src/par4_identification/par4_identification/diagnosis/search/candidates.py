@@ -16,6 +16,7 @@ from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.diagnosis.evidence.projection import Projection
 from par4_identification.diagnosis.evidence.side_by_side import side_by_side
+from par4_identification.diagnosis.search.first_look import Look, first_look
 from par4_identification.diagnosis.search.orders import best_orders
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.shapes import (
@@ -27,20 +28,13 @@ from par4_identification.diagnosis.search.shapes import (
 from par4_identification.diagnosis.search.swing import (
     NEAR,
     PROMISED,
-    TRIED,
-    Look,
     Swing,
-    first_look,
-    swing_below,
     swing_in,
     without_rigid,
 )
 
 GRID, ORDERS, SPRINGS = range(3)
 """What is searched of an effect, the quickest first."""
-FIRST_ORDER = 0.03
-"""Share of the gain that is wanted that the first order of a twist must explain for a look at
-springs. Where these explained half of it or more, it was 0.05 at the least."""
 ONE_WAY = 0.1
 """Share of the travel that must go either way for a difference between the directions to show."""
 
@@ -67,17 +61,15 @@ class Candidates:
         library: effects that may be named.
         evidence: whitened rows to fit.
         rules: `Rules.evidence` decides whether an expensive search is worth its time.
-        swing: transmissions that twist, as an earlier search found them.
+        swings: transmissions that twist, as earlier searches found them.
 
     Attributes:
-        swing: transmissions that twist, as this search found them last.
-        softest: those of all that this search found which have the softest one; if it found none,
-            what the lower frequencies of the rows tell.
+        swings: the same of this search, too; the last one last.
         family: number of effects and shapes that are tried.
     """
 
     def __init__(self, library: Mapping[str, Effect], evidence: Evidence, rules: Rules,
-                 swing: Swing | None = None) -> None:
+                 swings: Sequence[Swing] = ()) -> None:
         self.library = library
         self._rules = rules
         self._joints = tuple(range(evidence.observations.joints))
@@ -87,7 +79,7 @@ class Candidates:
         self._searched: dict[Any, tuple[float, Candidate | None]] = {}
         self._looks: dict[frozenset[object], Look] = {}
         self._orders: dict[Effect, Shape] = {}
-        self.swing = self.softest = swing
+        self.swings = list(swings)
         self.family = sum(len(shapes) for shapes in self._shapes.values())
 
     def best(self, effect: Effect, projection: Projection, wanted: float = 0.0
@@ -105,9 +97,13 @@ class Candidates:
         if least > wanted:
             found = self._search(effect, projection, wanted)
             is_whole = _slowness(effect) == GRID or (found is not None and (
-                order_name(effect) is not None or found.gain > NEAR * wanted))
+                order_name(effect) is not None or self._promise(found, projection) > NEAR * wanted))
             self._searched[key] = 0.0 if is_whole else wanted, found
         return found
+
+    def _promise(self, springs: Candidate, projection: Projection) -> float:
+        """Return what springs explain, or a first look promised, in log-likelihood."""
+        return max(springs.gain, 0.5 * self._looks[_causes_of(projection)].squares)
 
     def all_of(self, projection: Projection, without: set[str], wanted: float | None = None
                ) -> list[Candidate]:
@@ -196,29 +192,21 @@ class Candidates:
                   ) -> Candidate | None:
         """Return the transmissions that twist most like the residual, if any do.
 
-        They are looked for only where the first order of a twist explains something, and followed
-        only where a first look promises something, both also of what is wanted.
+        They are followed only where a first look promises something, also of what is wanted. Where
+        it does and they leave more than rigid ones, counts of the encoders may swing the loads.
         """
         evidence = self._rules.evidence
-        if 0.5 * projection.gain(effect, {}) < max(evidence, FIRST_ORDER * wanted):
-            return None
         key = _causes_of(projection)
         if key not in self._looks:
             self._looks[key] = first_look(projection)
         look = self._looks[key]
-        if look.squares <= 2.0 * evidence:
-            if self.softest is None:
-                self.softest = swing_below(projection, 2.0 * evidence)
+        if look.squares <= 2.0 * max(evidence, PROMISED * wanted):
             return None
-        if look.squares <= 2.0 * PROMISED * wanted:
-            return None
-        found = swing_in(projection, look, 2.0 * self._rules.price, self.swing, 2.0 * wanted)
-        self.swing = found
-        if self.softest is None or found.compliance.max() > self.softest.compliance.max():
-            self.softest = found
+        found = swing_in(projection, look, 2.0 * self._rules.price, self.swings, 2.0 * wanted)
+        self.swings.append(found)
         compliance = without_rigid(found.compliance, projection.evidence.observations.runs[0].state)
         hypothesis = Hypothesis(effect, effect.expansion(compliance, found.told), self._joints)
-        return Candidate(hypothesis, 0.5 * found.squares, TRIED * len(self._joints))
+        return Candidate(hypothesis, 0.5 * found.squares, 1)
 
 
 def _causes_of(projection: Projection) -> frozenset[object]:

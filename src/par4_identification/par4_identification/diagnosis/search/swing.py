@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 
 import numpy as np
 import scipy
@@ -20,24 +19,16 @@ from par4_dynamics.effects.springs import USUAL, Drive, Springs
 from par4_dynamics.state import State
 from par4_identification.diagnosis.evidence.kind import Key
 from par4_identification.diagnosis.evidence.projection import Projection
+from par4_identification.diagnosis.search.first_look import Look
 
-TRIED = 19
-"""Compliances of a joint that are tried: a resonance apart at the coarse damping."""
-VISIBLE = 10.0
-"""The stiffest of them over the stiffest that is believed."""
-COARSE_DAMPING = 0.4
-"""Ratio in the first search: wide resonances overlap, and so do the basins of the fit."""
 COARSE_STEP = 2
-"""Samples from step to step of the integration in the first search."""
-LOWER_BAND = 0.5
-"""Share of the frequencies of rows, the lower ones, in which counts swing a load much less."""
+"""Samples from step to step of the integration while resonances are wide."""
 PROMISED, NEAR = 0.2, 0.5
 """Shares of the gain that is wanted: which a first look must promise to be followed, and which it
 must promise, or compliances alone be worth, for numbers in common to be looked at. Where springs
 were found, the first look promised a quarter at the least; where there were none, up to a third."""
-SWEEPS, ROUNDS, TRIALS = 3, 5, 20
-"""Of the first look over the joints; of descents from where the last one came to; of compliances
-in one of them."""
+ROUNDS, TRIALS = 5, 20
+"""Of descents from where the last one came to; of compliances in one of them."""
 SETTLED = 1e-4
 """Share of the squares that a last step gains."""
 IN_BAND = 0.7
@@ -46,13 +37,16 @@ BOUNDS = dict(zip(COMMON, (DAMPING_RATIOS, MOTOR_SHARES)))
 ENDED = {'damping_ratio': (0.0, 0.99 * DAMPING_RATIOS[1]),
          'motor_share': (1.01 * MOTOR_SHARES[0], 0.99 * MOTOR_SHARES[1])}
 """Within these a search has not ended at a bound: what does is none that the data tell."""
-COARSE = tuple(Drive(COARSE_DAMPING, share) for share in (USUAL.motor_share, 0.75))
-"""What transmissions have in common in the first look."""
-NARROWER = Drive(0.15, USUAL.motor_share)
-"""The same on the way from there: the basin of a narrow resonance does not reach as far."""
-RIGID, LEAST = 2.0, 1e-3
-"""Compliance of a joint that is taken for rigid, at the most, and least compliance in a descent;
-over that of the stiffest transmission that is believed."""
+WIDE = Drive(0.15, USUAL.motor_share)
+"""What transmissions have in common on the way from a first look: the basin of a narrow resonance
+does not reach as far. Where wide ones leave more than rigid transmissions do, narrow ones are not
+tried."""
+ALIKE = 0.1
+"""Change of a compliance, over the largest, up to which two first looks are alike."""
+RIGID, LEAST, LINEAR = 2.0, 1e-3, 10.0
+"""Compliance of a joint that is taken for rigid, at the most; least one in a descent; and that from
+which on a descent goes by its logarithm. Over that of the stiffest transmission that is believed.
+"""
 AT_BOUND = 1e-6
 """Of x, for a value a sinh(x): a logarithm where it is large, in proportion where it is small, as
 torques are. What starts as near to its bound starts there. A step that ends at a bound just ahead
@@ -73,42 +67,16 @@ class Swing:
             ones.
         squares: twice the gain in log-likelihood with the torque as large as these make it, so
             that noise in the columns cannot pass as a twist of another size or sign.
-        first_look: number of the compliance that a first look chose for each joint, None where it
-            is rigid. Where the descent began.
+        first_look: compliances (J,) of the first look from which the search came here.
     """
 
     compliance: np.ndarray
     squares: float
-    first_look: tuple[int | None, ...]
+    first_look: np.ndarray
     told: dict[str, float] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class Look:
-    """What a first look at transmissions that twist promises, as if no joint moved another.
-
-    Attributes:
-        chosen: number of the compliance tried of each joint, None where it is rigid.
-        squares: twice the gain in log-likelihood.
-        alone: the same as `chosen` of the one joint that explains most if all others are rigid.
-        drive: what the transmissions have in common.
-    """
-
-    chosen: tuple[int | None, ...]
-    squares: float
-    alone: tuple[int | None, ...]
-    drive: Drive
-
-
-def first_look(projection: Projection, band: float = 1.0) -> Look:
-    """Return which of the compliances tried explain most of the torque left in a projection.
-
-    `band` is the share of the frequencies that is looked at, from zero on.
-    """
-    return _Twisting(projection).first_look(band)
-
-
-def swing_in(projection: Projection, look: Look, price: float, known: Swing | None = None,
+def swing_in(projection: Projection, look: Look, price: float, known: Sequence[Swing] = (),
              wanted: float = 0.0) -> Swing:
     """Return the transmissions that twist, by the torque that they leave in a projection.
 
@@ -117,42 +85,32 @@ def swing_in(projection: Projection, look: Look, price: float, known: Swing | No
         look: first one at it.
         price: twice the gain that a damping ratio or a motor share other than the usual one must be
             worth.
-        known: result beside other causes, or with another nominal torque. The descent begins
-            there. Its end is the answer if it leaves less than the first look promises, or if that
-            look chooses as it did then, which is much quicker. If not, the better of two descents
-            is.
+        known: results beside other causes, or with another nominal torque. A descent begins at the
+            last one whose first look was most like this one. If it was not alike, the better of
+            this descent and one from the look is the answer.
         wanted: twice the gain of which the first look must promise, or compliances alone be worth,
             `NEAR` for the other numbers to be looked at.
     """
-    twisting, chosen = _Twisting(projection), look.chosen
+    twisting = _Twisting(projection)
 
     def told(found: Swing) -> Swing:
         near = max(found.squares, look.squares) > NEAR * wanted
         return twisting.freed(found, price) if near else found
 
-    again = None
-    if known is not None:
-        again = told(twisting.descended_from(replace(known, first_look=chosen)))
-        if again.squares > look.squares or known.first_look == chosen:
-            return again
-    best = told(twisting.descended_anew(look))
-    return best if again is None or again.squares < best.squares else again
+    def begun_anew() -> Swing:
+        seen = Swing(look.compliance, 0.0, look.compliance)
+        wide = twisting.descended(seen, WIDE)
+        return told(twisting.descended(seen)) if wide.squares > 0.0 else wide
 
-
-def swing_below(projection: Projection, least: float) -> Swing | None:
-    """Return the transmissions that twist by the lower frequencies of the rows alone, roughly.
-
-    These tell soft transmissions whose resonance, where encoder counts swing the loads, leaves more
-    of all rows than a rigid machine does. None if a first look at them promises too little.
-
-    Args:
-        projection: whose residual is the target.
-        least: twice the gain in log-likelihood that the first look must promise.
-    """
-    twisting = _Twisting(projection)
-    look = twisting.first_look(LOWER_BAND)
-    return Swing(twisting.tried(look.chosen), look.squares, look.chosen) if (
-        look.squares > least) else None
+    if not known:
+        return begun_anew()
+    closest = min(reversed(known), key=lambda swing: _change(swing.first_look, look.compliance))
+    begun = np.where(closest.compliance > 0.0, closest.compliance, look.compliance)
+    again = told(twisting.descended_from(replace(
+        closest, compliance=begun, first_look=look.compliance)))
+    if _change(closest.first_look, look.compliance) <= ALIKE:
+        return again
+    return max(again, begun_anew(), key=lambda found: found.squares)
 
 
 class _Twisting:
@@ -165,32 +123,7 @@ class _Twisting:
         self._springs = {id(run.state): Springs(run.state) for run in runs}
         self._joints = projection.evidence.observations.joints
         self._believed = stiffnesses_of(runs[0].state)
-        self._least = LEAST / self._believed[1]
-        soft, stiff = self._believed
-        self._grid = np.geomspace(VISIBLE / stiff, 1.0 / soft, TRIED)
-
-    def first_look(self, band: float) -> Look:
-        """Return what `first_look` does."""
-        single = np.concatenate([self._grid[:, None] * unit for unit in np.eye(self._joints)])
-        target = self._lower(self._projection.residual, band)
-        looks = [Look(*_first_look(self._lower(self._projection.rest(
-            self._torques(single, drive)), band), target, self._joints), drive)
-            for drive in COARSE]
-        return max(looks, key=lambda look: look.squares)
-
-    def tried(self, chosen: tuple[int | None, ...]) -> np.ndarray:
-        """Return the compliances (J,) that a first look chose, those of stiff joints small."""
-        return np.array([3.0 / self._believed[1] if index is None else self._grid[index]
-                         for index in chosen])
-
-    def _lower(self, rows: np.ndarray, band: float) -> np.ndarray:
-        """Return the lower share of the frequencies of stacked rows (N, ...), of each joint."""
-        if band == 1.0:
-            return rows
-        ends = self._evidence.ends
-        return np.concatenate([
-            scipy.fft.dct(rows[first:last], axis=0, norm='ortho')[:int(band * (last - first))]
-            for first, last in pairwise(ends)])
+        self._least, self._linear = (share / self._believed[1] for share in (LEAST, LINEAR))
 
     def descended(self, start: Swing, drive: Drive = USUAL) -> Swing:
         """Return where compliances and the numbers that `start` tells come to.
@@ -209,7 +142,7 @@ class _Twisting:
         believed = np.stack([np.append(np.full(len(free), compliance), [
             BOUNDS[name][side] for name in names])
             for side, compliance in enumerate((self._least, 1.0 / self._believed[0]))])
-        scale = np.append(np.full(len(free), self._grid[0]), believed[0, len(free):])
+        scale = np.append(np.full(len(free), self._linear), believed[0, len(free):])
         box = np.arcsinh(believed / scale)
 
         def values(x: np.ndarray) -> np.ndarray:
@@ -238,29 +171,6 @@ class _Twisting:
         compliance, drive = parts(values(here))
         return Swing(compliance, _square(self._projection.residual) - squares, start.first_look,
                      {name: getattr(drive, name) for name in names})
-
-    def descended_anew(self, look: Look) -> Swing:
-        """Return where the compliances of a first look come to.
-
-        Other joints may swing much as the soft one does, so that there are several minima. Joints
-        are rigid to begin with where the look says so; once, all are but the one that explains most
-        alone.
-        """
-        return max((self._by_and_by(chosen, look)
-                    for chosen in dict.fromkeys((look.chosen, look.alone)) if any(
-                        index is not None for index in chosen)),
-                   key=lambda found: found.squares)
-
-    def _by_and_by(self, chosen: tuple[int | None, ...], look: Look) -> Swing:
-        """Return where compliances come to as resonances get narrower, at last those of all joints.
-        """
-        compliance = self.tried(chosen)
-        soft = np.array([index is not None for index in chosen])
-        found = Swing(np.where(soft, compliance, 0.0), 0.0, look.chosen)
-        for drive in (look.drive, NARROWER, USUAL):
-            found = self.descended(found, drive)
-        return self.descended(replace(
-            found, compliance=np.where(soft, found.compliance, compliance)))
 
     def descended_from(self, known: Swing) -> Swing:
         """Return where a swing found before comes to, without numbers that end at a bound."""
@@ -353,36 +263,9 @@ def without_rigid(compliance: np.ndarray, state: State) -> np.ndarray:
     return np.where(compliance > RIGID / stiff, compliance, 0.0)
 
 
-def _first_look(alone: np.ndarray, target: np.ndarray, joints: int
-                ) -> tuple[tuple[int | None, ...], float, tuple[int | None, ...]]:
-    """Return which compliances explain most, and how much, if no joint moves another.
-
-    They are the numbers of those tried, a joint each, None where it is rigid. The last are those of
-    the one joint that explains most by itself.
-
-    Args:
-        alone: torque of each of `TRIED` compliances on each joint, the others rigid, (n, J * g).
-        target: (n,).
-        joints: J.
-    """
-    moment, gram = alone.T @ target, alone.T @ alone
-    chosen = np.full(joints, -1)  # rigid
-    squares = 0.0
-    for _ in range(SWEEPS):
-        for joint in range(joints):
-            others = np.array([index for other, index in enumerate(chosen)
-                               if other != joint and index >= 0], dtype=int)
-            first = joint * TRIED
-            own = np.arange(first, first + TRIED)
-            rest = 2.0 * moment[others].sum() - gram[np.ix_(others, others)].sum()
-            worth = (rest + 2.0 * moment[own] - gram[own, own]
-                     - 2.0 * gram[np.ix_(own, others)].sum(axis=1))
-            best = int(np.argmax(worth))
-            chosen[joint], squares = ((own[best], float(worth[best])) if worth[best] > rest
-                                      else (-1, float(rest)))
-    joint, number = divmod(int(np.argmax(2.0 * moment - gram.diagonal())), TRIED)
-    return (tuple(None if index < 0 else int(index) % TRIED for index in chosen), squares,
-            tuple(number if own == joint else None for own in range(joints)))
+def _change(before: np.ndarray, after: np.ndarray) -> float:
+    """Return the largest change of compliances (J,), over the largest of them."""
+    return float(np.max(np.abs(after - before)) / np.max(after))
 
 
 def _descended(left: Callable[[np.ndarray], np.ndarray], slopes: Callable[[np.ndarray], np.ndarray],
@@ -408,7 +291,7 @@ def _descended(left: Callable[[np.ndarray], np.ndarray], slopes: Callable[[np.nd
 
 def _every(drive: Drive) -> int:
     """Return the samples from step to step of the integration."""
-    return COARSE_STEP if drive in (*COARSE, NARROWER) else 1
+    return COARSE_STEP if drive == WIDE else 1
 
 
 def _square(values: np.ndarray) -> float:

@@ -96,7 +96,7 @@ def _hums(search: Search, model: Hypotheses) -> bool:
 def _rings(search: Search, model: Hypotheses, named: Hypotheses) -> bool:
     """Return whether transmissions that twist explain much of what the other names leave.
 
-    They do so as the model has them, or as a first look finds them that are no cause.
+    They do so as the model has them, or as a search finds them that are no cause.
     """
     effect = search.candidates.library.get(ElasticTransmission.name)
     if effect is None:
