@@ -534,7 +534,7 @@ def test_typical_values_are_believed_and_the_signature_fits_the_motion(name):
     ('platform_drag', {'viscous': -0.4, 'quadratic': 0.0}, 'must dissipate'),
     ('platform_drag', {'viscous': 40.0}, 'ten times'),
     ('encoder_offset', {'offset': (0.0, 0.0, -0.25, 0.0)}, 'not believed'),
-    ('encoder_eccentricity', {'amplitude': (0.0, 0.02, 0.0, 0.0)}, 'badly mounted'),
+    ('encoder_eccentricity', {'amplitude': (0.0, 0.04, 0.0, 0.0)}, 'badly mounted'),
     ('geometry_error', {'base_radius': -0.05}, 'in base_radius'),
     ('leg_length_error', {'forearm_length': (0.0, 0.0, 0.04, 0.0)}, 'forearm_length of leg 2'),
 ])

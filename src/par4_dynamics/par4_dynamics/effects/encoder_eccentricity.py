@@ -20,8 +20,9 @@ from par4_dynamics.effects.effect import (
 from par4_dynamics.effects.shifted import shift_columns
 from par4_dynamics.state import State
 
-LARGEST = math.radians(1.0)
-"""A disc of 20 mm radius that sits 0.35 mm beside its shaft, which is to be seen as it turns."""
+LARGEST = math.radians(2.0)
+"""A disc of 20 mm radius that sits 0.7 mm beside its shaft, or a magnet that sits half a millimetre
+beside its chip."""
 LARGEST_OF_AXIS = math.radians(5.0)
 """Of any machine: a small disc, a magnet beside its chip, or a bent coupling."""
 
