@@ -327,16 +327,17 @@ def test_a_search_that_goes_on_from_another_one_ends_where_it_would():
 
 @pytest.mark.parametrize(('share', 'is_anew'), [(0.9 * ALIKE, False), (1.1 * ALIKE, True)])
 def test_a_search_whose_first_look_is_alike_is_not_begun_anew(monkeypatch, share, is_anew):
-    """It goes on from that of those found before whose first look is most like this one."""
+    """It goes on from the last one found before whose first look is most like this one."""
     projection = project(evidence_of_axis(1.0 / (LOAD * (2.0 * np.pi * 22.0) ** 2),
                                           damping_ratio=0.15, motor_share=0.7), [])
     anew = springs_in(projection)
     alike = replace(anew, first_look=(1.0 + share) * anew.first_look)
     far = Swing(30.0 * anew.compliance, 0.0, 30.0 * anew.first_look)
+    stale = replace(alike, compliance=far.compliance)
     descents = []
     monkeypatch.setattr('par4_identification.diagnosis.search.swing._descended',
                         lambda *asked: descents.append(asked) or _descended(*asked))
-    found = springs_in(projection, (far, alike, far))
+    found = springs_in(projection, (far, stale, alike, far))
     assert (len(descents) > 1) == is_anew
     np.testing.assert_allclose(found.compliance, anew.compliance, rtol=1e-3)
 
