@@ -397,6 +397,22 @@ def test_springs_are_followed_where_they_promise_a_share_of_what_is_wanted(monke
         pytest.approx(2.0 * wanted) for wanted in (0.99 * most, promised)]
 
 
+def test_springs_that_kept_less_than_they_promised_are_not_sought_again(monkeypatch):
+    """Where a first look promises half of what is wanted, all numbers were looked at."""
+    sought = []
+    monkeypatch.setattr(candidates_module, 'swing_in', lambda _projection, look, *_: (
+        sought.append(look), Swing(np.array([1e-4]), -1.0, look.compliance))[1])
+    evidence = evidence_of_axis(1.0 / (LOAD * (2.0 * np.pi * 22.0) ** 2))
+    effect, projection = CATALOGUE['elastic_transmission'], project(evidence, [])
+    promised = 0.5 * first_look(projection).squares
+    for share, times in ((1.9, 1), (2.1, 2)):
+        sought.clear()
+        candidates = Candidates({effect.name: effect}, evidence, Rules())
+        for wanted in (share * promised, 0.5 * promised):
+            assert candidates.best(effect, projection, wanted).gain == -0.5
+        assert len(sought) == times
+
+
 def test_orders_are_weighed_against_what_is_quicker_unless_less_is_wanted(monkeypatch):
     """What the noise model must not take for noise is sought in full, however little it is."""
     def best(_self, effect, **asked_for):
