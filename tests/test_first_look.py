@@ -76,6 +76,19 @@ def replace_residual(projection, share):
     return project(replace(evidence, target=share * evidence.target), [])
 
 
+def test_springs_that_lower_frequencies_do_not_tell_are_told_by_all(monkeypatch):
+    """What promises something has a soft joint to begin with."""
+    projection = projected((0.0, 5000.0, 0.0, 0.0))
+    seen = first_look(projection)
+    by_all = replace(seen, compliance=0.5 * seen.compliance)
+    rigid = replace(seen, compliance=np.zeros(4), squares=0.0)
+    monkeypatch.setattr(module, '_look_at', lambda _columns, _targets, _runs, band: (
+        by_all if band == 1.0 else rigid))
+    look = first_look(projection)
+    assert look.squares == seen.squares
+    np.testing.assert_array_equal(look.compliance, by_all.compliance)
+
+
 @pytest.mark.parametrize('seed', [1, 2, 3])
 def test_noise_of_the_measured_torque_is_no_spring(monkeypatch, seed):
     """It is in the column as in the target, as if what drives a load swung with it."""

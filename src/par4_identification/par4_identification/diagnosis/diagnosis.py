@@ -179,8 +179,8 @@ def _diagnosed_runs(fit_runs: list[Run], holdout_runs: list[Run], machine: Robot
         return Unusable(tuple(reasons), tuple(fit_runs))
 
     effects = {**CATALOGUE, **searched}
-    answer = _diagnosed(start, heldout, machine, baseline, searched, rules, tuple(fit_runs),
-                        progress)
+    answer, swings = _diagnosed(start, heldout, machine, baseline, searched, rules,
+                                tuple(fit_runs), progress)
     again = None
     if start.left_out and not answer.causes and answer.unnamed:
         again = start_beside_position(start, observations, machine, rigid_body, rules)
@@ -190,8 +190,8 @@ def _diagnosed_runs(fit_runs: list[Run], holdout_runs: list[Run], machine: Robot
         again = start_beside(start, observations, beside.target, machine, rigid_body)
     if again is not None:
         progress('diagnosing again from the base parameters beside the causes found')
-        answer = _diagnosed(again, heldout, machine, baseline, searched, rules, tuple(fit_runs),
-                            progress)
+        answer, _ = _diagnosed(again, heldout, machine, baseline, searched, rules,
+                               tuple(fit_runs), progress, swings)
     if start.unless_mended and not (answer.causes and is_mended(answer.base_after)):
         return Unusable(start.unless_mended, tuple(fit_runs))
     # an offset, or what differs between the directions, drives as much as it brakes
@@ -220,8 +220,12 @@ def _alike(run: Run, beyond: Mapping[str, np.ndarray]) -> Run:
 
 def _diagnosed(start: Start, heldout: Observations, machine: Robot | Axis,
                baseline: ModelFile | None, searched: Mapping[str, Effect], rules: Rules,
-               fit_runs: tuple[Run, ...], progress: Progress) -> Diagnosis:
-    """Return the diagnosis of rows to fit and rows held out from base parameters to begin with."""
+               fit_runs: tuple[Run, ...], progress: Progress, swings: Sequence[Swing] = ()
+               ) -> tuple[Diagnosis, Sequence[Swing]]:
+    """Return the diagnosis of rows to fit and rows held out from base parameters to begin with.
+
+    `swings` is what an earlier diagnosis found to twist; what all did is returned, too.
+    """
     observations, heldout, identification = (start.observations, shown(heldout, start),
                                              start.fitted)
     rigid_body = baseline.rigid_body if baseline else 'paper'
@@ -250,9 +254,10 @@ def _diagnosed(start: Start, heldout: Observations, machine: Robot | Axis,
     whitener = whitener_of(observations, sigma, first, kinds, rules, first_moved)
 
     progress('searching for causes')
-    search = _search(observations, heldout, whitener, first, rules, first_moved, kinds)
+    search = _search(observations, heldout, whitener, first, rules, first_moved, kinds,
+                     swings=swings)
     model = search.run()
-    swings = search.candidates.swings
+    seen = search.candidates.swings
     held: frozenset[str] = frozenset()  # names whose torque the nominal one has
     for _ in range(PASSES):
         named, found = named_of(model), search.pool.solution(model)
@@ -279,8 +284,9 @@ def _diagnosed(start: Start, heldout: Observations, machine: Robot | Axis,
                          search.candidates.swings)
         model = search.run(tuple(named))
     answer = summed_up(search, model, machine, baseline, rigid_body, effects, fit_runs, progress)
+    swings = search.candidates.swings
     return replace(answer, left_out=start.left_out, swing_hz=resonance(
-        [*swings, *search.candidates.swings[-1:]], observations))
+        [*seen, *swings[-1:]], observations)), swings
 
 
 def _base_model(start: Start, machine: Robot | Axis, baseline: ModelFile | None) -> Model:

@@ -28,8 +28,9 @@ from par4_identification.diagnosis.evidence.projection import Projection
 from par4_identification.signals.run import Run
 
 LOWER_BAND = 0.5
-"""Share of the frequencies of rows, the lower ones, that tell the compliances: above, the second
-rate of a measured torque is mostly noise. There counts of encoders swing a load much less, too."""
+"""Share of the frequencies of rows, the lower ones, that tell the compliances if they tell any:
+above, the second rate of a measured torque is mostly noise. Below, counts of encoders swing a load
+much less, too."""
 BANDS = 10
 """Of these, of which each tells how much of what is left may be noise."""
 POSES = 20
@@ -60,7 +61,8 @@ def first_look(projection: Projection) -> Look:
     rest = projection.rest(np.concatenate(evidence.whitener.whiten(changes)))
     lower, whole = (_look_at(_lower(rest, evidence.ends, band), _lower(
         projection.residual, evidence.ends, band), runs, band) for band in (LOWER_BAND, 1.0))
-    return replace(lower, squares=max(lower.squares, whole.squares))
+    seen = lower if lower.compliance.any() else whole
+    return replace(seen, squares=max(lower.squares, whole.squares))
 
 
 def _look_at(columns: Sequence[np.ndarray], targets: Sequence[np.ndarray], runs: Sequence[Run],
