@@ -397,6 +397,19 @@ def test_springs_are_followed_where_they_promise_a_share_of_what_is_wanted(monke
         pytest.approx(2.0 * wanted) for wanted in (0.99 * most, promised)]
 
 
+@pytest.mark.parametrize(('resonance', 'is_looked_at'), [(22.0, True), (np.inf, False)])
+def test_springs_are_looked_at_where_their_first_order_explains_something(monkeypatch, resonance,
+                                                                          is_looked_at):
+    """The measured torque, by which the look goes, has noise and other causes in it."""
+    looked = []
+    monkeypatch.setattr(candidates_module, 'first_look', lambda projection: (
+        looked.append(projection), Look(np.zeros(1), 0.0))[1])
+    evidence = evidence_of_axis(1.0 / (LOAD * (2.0 * np.pi * resonance) ** 2))
+    effect, projection = CATALOGUE['elastic_transmission'], project(evidence, [])
+    assert Candidates({effect.name: effect}, evidence, Rules()).best(effect, projection) is None
+    assert looked == [projection] * is_looked_at
+
+
 def test_springs_that_kept_less_than_they_promised_are_not_sought_again(monkeypatch):
     """Where a first look promises half of what is wanted, all numbers were looked at."""
     sought = []
