@@ -6,6 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hidden.hiders import HIDERS
+from hidden.machines import known_machine
+from hidden.motions import draw_motion
+from hidden.recording import record
 from planned import evidence_of
 from searches import MODEL, log_with, springs_in
 from test_swing import evidence_of_axis
@@ -16,6 +20,7 @@ from par4_identification.diagnosis.search import first_look as module
 from par4_identification.diagnosis.search.first_look import first_look
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.swing import _Twisting
+from par4_sim.machines.noise import Noise
 from robots import REFERENCE
 
 LEAST = 2.0 * Rules().evidence
@@ -42,6 +47,23 @@ def test_joints_that_hide_each_other_are_seen():
     found = springs_in(projection)
     np.testing.assert_allclose(1.0 / found.compliance[soft], stiffness[soft], rtol=0.01)
     assert found.told['damping_ratio'] == pytest.approx(damping_ratio, rel=0.02)
+
+
+def test_soft_joints_of_a_machine_made_from_its_parts_are_seen():
+    """Its springs share nothing with the effect that the other logs are made of."""
+    known = known_machine('reference')
+    drives = known.robot.drives.model_copy(update={'encoder_counts': 2 ** 24})
+    known = replace(known, robot=known.robot.model_copy(update={'drives': drives}))
+    compliance = np.array((1.0 / 3000.0, 1.0 / 3400.0, 0.0, 0.0))
+    machine = HIDERS['elastic_transmission'].build(
+        known.machine, {'compliance': compliance, 'damping_ratio': 0.1})
+    log = record(known, machine, draw_motion('excitation', known.robot, 8.0, 7), fidelity='exact',
+                 noise=Noise(), seed=7, feedforward=known.model, wander=None, name='soft').log
+    projection = project(evidence_of(log, known.robot, known.model, 0.03), [])
+    look = first_look(projection)
+    np.testing.assert_allclose(look.compliance[:2], compliance[:2], rtol=0.05)
+    assert np.all(look.compliance[2:] < 0.05 * look.compliance.max())
+    assert look.squares > 0.9 * projection.squares
 
 
 @pytest.mark.parametrize('seed', range(6))

@@ -192,10 +192,10 @@ class Candidates:
                   ) -> Candidate | None:
         """Return the transmissions that twist most like the residual, if any do.
 
-        They are looked for only where the first order of a twist by the nominal torque, which has
-        no noise in it, explains something, and followed only where a first look promises something,
-        also of what is wanted. Where it does and they leave more than rigid ones, counts of the
-        encoders may swing the loads.
+        They are looked for only where the first order of a twist by the nominal torque explains
+        something: the measured torque, by which a first look goes, has the noise of the target in
+        it. They are followed only where that look promises something, also of what is wanted. Where
+        it does and they leave more than rigid ones, counts of the encoders may swing the loads.
         """
         evidence = self._rules.evidence
         if 0.5 * projection.gain(effect, {}) < evidence:
