@@ -27,6 +27,8 @@ DRIFT = {'drop': 0.5, 'time_constant': 4.0}
 GAIN = {'relative': (0.05, -0.03, 0.02, -0.04)}
 BELT = {'coulomb': 0.05, 'viscous': 0.01}
 COGGING = {'amplitude': 0.3, 'periods': 31.0, 'phase': (0.0, 1.0, 2.0, 3.0)}
+PRICE = 2.0 * Rules().price
+"""Twice the log-likelihood that a damping ratio or a motor share must be worth."""
 
 
 def log_with(*effects, seed=1, duration=12.0, beside=None):
@@ -59,12 +61,12 @@ def search_on(evidence, heldout, library=(), rules=None):
                   Kinds(evidence.observations))
 
 
-def springs_in(projection, known=(), wanted=0.0):
+def springs_in(projection, known=(), price=PRICE):
     """Return the transmissions that twist; None where a first look promises too little."""
     look = first_look(projection)
     if look.squares <= 2.0 * Rules().evidence:
         return None
-    return swing_in(projection, look, 2.0 * Rules().price, known, wanted)
+    return swing_in(projection, look, price, known)
 
 
 def cause(name, joints=EVERY, **shape):

@@ -27,13 +27,12 @@ from par4_identification.diagnosis.evidence.dithered import dithered
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.projection import project
 from par4_identification.diagnosis.search import candidates as candidates_module
-from par4_identification.diagnosis.search.candidates import Candidate, Candidates
+from par4_identification.diagnosis.search.candidates import PROMISED, Candidate, Candidates
 from par4_identification.diagnosis.search.first_look import Look, first_look
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.search import Search
 from par4_identification.diagnosis.search.swing import (
     ALIKE,
-    PROMISED,
     RIGID,
     WIDE,
     Swing,
@@ -371,8 +370,8 @@ def test_a_later_search_begins_where_an_earlier_one_ended(monkeypatch):
 
 def noted(followed):
     """Return a descent that notes what it was asked and finds what the first look promises."""
-    def descent(projection, look, price, known=(), wanted=0.0):
-        followed.append((projection, look, price, list(known), wanted))
+    def descent(projection, look, price, known=()):
+        followed.append((projection, look, price, list(known)))
         return Swing(np.array([1e-4]), look.squares, look.compliance)
     return descent
 
@@ -389,12 +388,10 @@ def test_springs_are_followed_where_they_promise_a_share_of_what_is_wanted(monke
     assert candidates.best(effect, projection, 1.01 * most) is None
     assert candidates.swings == []
     assert candidates.best(effect, projection, 0.99 * most).gain == pytest.approx(promised)
-    assert len(followed) == 1
-    # one that falls short of what is wanted is looked at more closely where less is
-    assert candidates.best(effect, projection, promised).gain == pytest.approx(promised)
+    # what was followed once is known, whatever is wanted
     assert candidates.best(effect, projection).gain == pytest.approx(promised)
-    assert [asked[-1] for asked in followed] == [
-        pytest.approx(2.0 * wanted) for wanted in (0.99 * most, promised)]
+    assert candidates.best(effect, projection, 1.01 * most).gain == pytest.approx(promised)
+    assert len(followed) == len(candidates.swings) == 1
 
 
 @pytest.mark.parametrize(('resonance', 'is_looked_at'), [(22.0, True), (np.inf, False)])
@@ -408,22 +405,6 @@ def test_springs_are_looked_at_where_their_first_order_explains_something(monkey
     effect, projection = CATALOGUE['elastic_transmission'], project(evidence, [])
     assert Candidates({effect.name: effect}, evidence, Rules()).best(effect, projection) is None
     assert looked == [projection] * is_looked_at
-
-
-def test_springs_that_kept_less_than_they_promised_are_not_sought_again(monkeypatch):
-    """Where a first look promises half of what is wanted, all numbers were looked at."""
-    sought = []
-    monkeypatch.setattr(candidates_module, 'swing_in', lambda _projection, look, *_: (
-        sought.append(look), Swing(np.array([1e-4]), -1.0, look.compliance))[1])
-    evidence = evidence_of_axis(1.0 / (LOAD * (2.0 * np.pi * 22.0) ** 2))
-    effect, projection = CATALOGUE['elastic_transmission'], project(evidence, [])
-    promised = 0.5 * first_look(projection).squares
-    for share, times in ((1.9, 1), (2.1, 2)):
-        sought.clear()
-        candidates = Candidates({effect.name: effect}, evidence, Rules())
-        for wanted in (share * promised, 0.5 * promised):
-            assert candidates.best(effect, projection, wanted).gain == -0.5
-        assert len(sought) == times
 
 
 def test_orders_are_weighed_against_what_is_quicker_unless_less_is_wanted(monkeypatch):
@@ -444,8 +425,10 @@ def test_orders_are_weighed_against_what_is_quicker_unless_less_is_wanted(monkey
 
 
 def test_springs_are_weighed_against_the_best_of_the_other_effects(monkeypatch):
-    followed = []
+    followed, asked, twisting = [], [], Candidates._twisting
     monkeypatch.setattr(candidates_module, 'swing_in', noted(followed))
+    monkeypatch.setattr(Candidates, '_twisting', lambda self, effect, projection, wanted: (
+        asked.append(wanted), twisting(self, effect, projection, wanted))[1])
     evidence = evidence_of_axis(1.0 / (LOAD * (2.0 * np.pi * 22.0) ** 2))
     library = {name: CATALOGUE[name] for name in ('elastic_transmission', 'time_offset',
                                                   'stribeck')}
@@ -457,10 +440,9 @@ def test_springs_are_weighed_against_the_best_of_the_other_effects(monkeypatch):
                 for item in candidates.all_of(projection, set(), **wanted)}
 
     gains = found()
-    best = max(gain for name, gain in gains.items() if name != 'elastic_transmission')
-    assert [asked[-1] for asked in followed] == [pytest.approx(2.0 * best)]
-    assert 'elastic_transmission' in gains
-    assert 'elastic_transmission' not in found(wanted=11.0 * gains['elastic_transmission'])
+    springs = gains.pop('elastic_transmission')
+    assert asked == [pytest.approx(max(gains.values()))]
+    assert found(wanted=1.01 * springs / PROMISED).keys() == gains.keys()
     assert 'elastic_transmission' in found(wanted=0.0)
     assert len(followed) == 2
 
@@ -487,23 +469,13 @@ def test_springs_are_looked_at_again_where_a_better_candidate_is_refused(monkeyp
     assert [item.effect for item in search._with_a_name((), set())] == [springs]
 
 
-def test_numbers_in_common_are_told_where_springs_are_worth_half_of_what_is_wanted():
+def test_numbers_in_common_are_told_where_compliances_alone_leave_more_than_none():
     """Damped more than usual, two joints promise much and leave more than rigid ones at first."""
     projection = project(evidence_of_machine((3500.0, 0.0, 0.0, 4200.0), damping_ratio=0.25), [])
-    alone, promised = springs_in(projection, wanted=np.inf), first_look(projection).squares
-    assert alone.told == {}
-    assert alone.squares < 0.0
-    assert springs_in(projection, wanted=1.9 * promised).told['damping_ratio'] == pytest.approx(
-        0.25, rel=0.01)
-    assert springs_in(projection, wanted=2.1 * promised).told == {}
-    # where the compliances alone are worth more than that, it is they who must be
-    usual = project(evidence_of_axis(1.0 / (LOAD * (2.0 * np.pi * 22.0) ** 2),
-                                     damping_ratio=0.052), [])
-    worth, promised = springs_in(usual, wanted=np.inf).squares, first_look(usual).squares
-    assert worth > promised
-    assert springs_in(usual, wanted=worth + promised).told['damping_ratio'] == pytest.approx(
-        0.052, rel=0.01)
-    assert springs_in(usual, wanted=2.1 * worth).told == {}
+    assert springs_in(projection, price=np.inf).squares < 0.0
+    found = springs_in(projection)
+    assert found.told['damping_ratio'] == pytest.approx(0.25, rel=0.01)
+    assert found.squares > first_look(projection).squares
 
 
 def evidence_of_machine(stiffness, seed=1, **common):

@@ -25,16 +25,14 @@ from par4_identification.diagnosis.search.shapes import (
     self_consistent,
     shapes_of,
 )
-from par4_identification.diagnosis.search.swing import (
-    NEAR,
-    PROMISED,
-    Swing,
-    swing_in,
-    without_rigid,
-)
+from par4_identification.diagnosis.search.swing import Swing, swing_in, without_rigid
 
 GRID, ORDERS, SPRINGS = range(3)
 """What is searched of an effect, the quickest first."""
+PROMISED = 0.4
+"""Share of the gain that is wanted which a first look at springs or at periodic torques must
+promise to be followed. Springs that came to what was wanted had promised 1.2 times as much and
+more."""
 ONE_WAY = 0.1
 """Share of the travel that must go either way for a difference between the directions to show."""
 
@@ -96,14 +94,9 @@ class Candidates:
         least, found = self._searched.get(key, (np.inf, None))
         if least > wanted:
             found = self._search(effect, projection, wanted)
-            is_whole = _slowness(effect) == GRID or (found is not None and (
-                order_name(effect) is not None or self._promise(found, projection) > NEAR * wanted))
+            is_whole = _slowness(effect) == GRID or found is not None
             self._searched[key] = 0.0 if is_whole else wanted, found
         return found
-
-    def _promise(self, springs: Candidate, projection: Projection) -> float:
-        """Return what springs explain, or a first look promised, in log-likelihood."""
-        return max(springs.gain, 0.5 * self._looks[_causes_of(projection)].squares)
 
     def all_of(self, projection: Projection, without: set[str], wanted: float | None = None
                ) -> list[Candidate]:
@@ -159,7 +152,7 @@ class Candidates:
 
         if order_name(effect) is not None:
             orders = best_orders(effect, shapes, projection, self._rules, self._orders.get(effect),
-                                 2.0 * NEAR * wanted)
+                                 2.0 * PROMISED * wanted)
             if orders is None:
                 return None
             shape, best = orders
@@ -206,7 +199,7 @@ class Candidates:
         look = self._looks[key]
         if look.squares <= 2.0 * max(evidence, PROMISED * wanted):
             return None
-        found = swing_in(projection, look, 2.0 * self._rules.price, self.swings, 2.0 * wanted)
+        found = swing_in(projection, look, 2.0 * self._rules.price, self.swings)
         self.swings.append(found)
         compliance = without_rigid(found.compliance, projection.evidence.observations.runs[0].state)
         hypothesis = Hypothesis(effect, effect.expansion(compliance, found.told), self._joints)

@@ -23,10 +23,6 @@ from par4_identification.diagnosis.search.first_look import Look
 
 COARSE_STEP = 2
 """Samples from step to step of the integration while resonances are wide."""
-PROMISED, NEAR = 0.2, 0.5
-"""Shares of the gain that is wanted: which a first look must promise to be followed, and which it
-must promise, or compliances alone be worth, for numbers in common to be looked at. Where springs
-were found, the first look promised a quarter at the least; where there were none, up to a third."""
 ROUNDS, TRIALS = 5, 20
 """Of descents from where the last one came to; of compliances in one of them."""
 SETTLED = 1e-4
@@ -76,8 +72,8 @@ class Swing:
     told: dict[str, float] = field(default_factory=dict)
 
 
-def swing_in(projection: Projection, look: Look, price: float, known: Sequence[Swing] = (),
-             wanted: float = 0.0) -> Swing:
+def swing_in(projection: Projection, look: Look, price: float, known: Sequence[Swing] = ()
+             ) -> Swing:
     """Return the transmissions that twist, by the torque that they leave in a projection.
 
     Args:
@@ -88,26 +84,20 @@ def swing_in(projection: Projection, look: Look, price: float, known: Sequence[S
         known: results beside other causes, or with another nominal torque. A descent begins at the
             last one whose first look was most like this one. If it was not alike, the better of
             this descent and one from the look is the answer.
-        wanted: twice the gain of which the first look must promise, or compliances alone be worth,
-            `NEAR` for the other numbers to be looked at.
     """
     twisting = _Twisting(projection)
-
-    def told(found: Swing) -> Swing:
-        near = max(found.squares, look.squares) > NEAR * wanted
-        return twisting.freed(found, price) if near else found
 
     def begun_anew() -> Swing:
         seen = Swing(look.compliance, 0.0, look.compliance)
         wide = twisting.descended(seen, WIDE)
-        return told(twisting.descended(seen)) if wide.squares > 0.0 else wide
+        return twisting.freed(twisting.descended(seen), price) if wide.squares > 0.0 else wide
 
     if not known:
         return begun_anew()
     closest = min(reversed(known), key=lambda swing: _change(swing.first_look, look.compliance))
     begun = np.where(closest.compliance > 0.0, closest.compliance, look.compliance)
-    again = told(twisting.descended_from(replace(
-        closest, compliance=begun, first_look=look.compliance)))
+    again = twisting.freed(twisting.descended_from(replace(
+        closest, compliance=begun, first_look=look.compliance)), price)
     if _change(closest.first_look, look.compliance) <= ALIKE:
         return again
     return max(again, begun_anew(), key=lambda found: found.squares)
