@@ -855,6 +855,33 @@ def test_steady_speeds_do_not_hide_a_torque_that_follows_the_position(motor, spe
         assert {3.0, 6.0} <= set(told['cogging'].parameters['periods'].value)
 
 
+def strokes(rng, count, rate):
+    """Return times, positions and speeds of an axis that goes from place to place, 2.5 s each."""
+    places = [0.0]
+    while len(places) <= count:
+        place = rng.uniform(-1.4, 1.4)
+        if abs(place - places[-1]) > 0.3:
+            places.append(place)
+    places = np.array(places)
+    t = np.arange(0.0, 2.5 * count, 1.0 / rate)
+    which = np.minimum((t // 2.5).astype(int), count - 1)
+    speed = np.diff(places)[which] / 2.5
+    return t, np.interp(t, 2.5 * np.arange(count + 1), places), speed
+
+
+@pytest.mark.parametrize('torque', [
+    lambda _q, _side: 0.0, lambda q, _side: 0.5 * q,
+    lambda q, side: 1.5 * side * np.exp(-((q - 0.4) / 0.3) ** 2)])
+def test_steady_speeds_do_not_hide_a_spring_or_a_tight_spot_of_strokes_of_any_length(torque):
+    """Each stroke has its own middle, and a mean torque that has most of the spring in it."""
+    rng = np.random.default_rng(5)
+    t, q, speed = strokes(rng, 24, 100.0)
+    side = np.sign(speed)
+    tau = 6.0 * side + 1.5 * speed + torque(q, side) + rng.normal(0.0, 0.1, len(t))
+    log = log_of(axis(), t, q[:, None], tau[:, None], 1, 0.1)
+    assert conditioning_for([log], axis(), CONDITIONING).steady == (torque(1.0, 1.0) == 0.0)
+
+
 def test_steady_speeds_identify_friction_and_leave_the_inertia_out():
     logs = held_speeds(lambda speed: math.copysign(4.7e-3, speed) + 3e-5 * speed, SPEEDS, 3e-4)
     conditioning = conditioning_for(logs, axis(), Conditioning())

@@ -75,32 +75,67 @@ def plateaus_of(log: Log) -> list[Plateau]:
 def follow_the_position(logs: Sequence[Log], turns: bool) -> bool:
     """Return whether torques within plateaus are the same again at the same places in others.
 
-    Their means then leave out most of what they tell: cogging, or the weight of an arm.
+    Or friction is, which has the sign of the speed. Their means then leave out most of what they
+    tell: cogging, the weight of an arm, a tight spot.
 
     Args:
         logs: of one joint.
-        turns: whether it turns, so that a place comes again after a turn.
+        turns: whether it turns, so that a place may come again after a turn.
     """
-    parts = [(q, torque - torque.mean()) for log in logs
+    parts = [(q, torque) for log in logs
              for _, _, q, torque in _samples_of_plateaus(log)]
     if len(parts) < 2:
         return False
     everywhere = np.concatenate([q for q, _ in parts])
-    start, way = (0.0, 2.0 * np.pi) if turns else (everywhere.min(), np.ptp(everywhere) + 1e-12)
+    whole = float(everywhere.min()), float(np.ptp(everywhere)) + 1e-12
+    rubbing = [(q, torque * np.sign(q[-1] - q[0])) for q, torque in parts]
+    return any(_follow_places(own, start, way) for own in (parts, rubbing)
+               for start, way in ((whole, (0.0, 2.0 * np.pi)) if turns else (whole,)))
+
+
+def _follow_places(parts: Sequence[tuple[np.ndarray, np.ndarray]], start: float, way: float
+                   ) -> bool:
+    """Return whether torques of plateaus are the same again at the same places of a way.
+
+    Args:
+        parts: positions and torques (n,) of each plateau.
+        start, way: where the places begin, and after which way they come again.
+    """
     count, total = np.zeros((2, len(parts), PLACES))
     for part, (q, torque) in enumerate(parts):
         place = ((q - start) / way % 1.0 * PLACES).astype(int)
         count[part] = np.bincount(place, minlength=PLACES)
         total[part] = np.bincount(place, torque, minlength=PLACES)
+    there = count > 0.0
     mean = total / np.maximum(count, 1.0)
     squares = left = 0.0
     for own, others in ((slice(0, None, 2), slice(1, None, 2)),
                         (slice(1, None, 2), slice(0, None, 2))):
-        told = mean[others].sum(axis=0) / np.maximum((count[others] > 0.0).sum(axis=0), 1)
-        there = count[own] > 0.0
-        squares += float(np.sum(mean[own][there] ** 2))
-        left += float(np.sum((mean[own] - told)[there] ** 2))
+        common = there[own] & there[others].any(axis=0)
+        told = _without_means(mean[own], common)
+        again = _without_means(np.broadcast_to(
+            _over_places(mean[others], there[others]), told.shape), common)
+        squares += float(np.sum(told ** 2))
+        left += float(np.sum((told - again) ** 2))
     return left < (1.0 - IN_COMMON) * squares
+
+
+def _over_places(torque: np.ndarray, there: np.ndarray) -> np.ndarray:
+    """Return the torque (places,) that plateaus (m, places) have in common.
+
+    Each has a mean of its own besides, as each goes over other places at another speed.
+    """
+    weight = there / np.maximum(there.sum(axis=0), 1)
+    rows = np.where(there, torque - np.sum(weight * torque, axis=0), 0.0).sum(axis=1)
+    own = np.linalg.lstsq(np.diag(there.sum(axis=1)) - weight @ there.T.astype(float), rows,
+                          rcond=None)[0]
+    return np.asarray(np.sum(weight * (torque - own[:, None]), axis=0))
+
+
+def _without_means(torque: np.ndarray, there: np.ndarray) -> np.ndarray:
+    """Return torques (m, places) less the mean of each plateau where they are known, else 0."""
+    mean = np.sum(torque * there, axis=1) / np.maximum(there.sum(axis=1), 1)
+    return np.where(there, torque - mean[:, None], 0.0)
 
 
 def _samples_of_plateaus(log: Log) -> Iterator[tuple[float, np.ndarray, np.ndarray, np.ndarray]]:
