@@ -6,10 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from searches import MODEL, cause, names, search_of
+from searches import EVERY, MODEL, cause, names, search_of
 
-from par4_identification.diagnosis.evidence.fit import left_by, solve
+from par4_identification.diagnosis.evidence.fit import left_by, residuals, solve
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.unnamed import Kinds
 from par4_identification.diagnosis.search.causes import named_of, unnamed_of
+from par4_identification.diagnosis.search.requirement import torque_errors
 from par4_identification.diagnosis.search.search import Rival
 from par4_identification.diagnosis.verdict import settled, sure
 from par4_identification.diagnosis.verdict.judgement import judge, share_of
@@ -54,6 +57,31 @@ def test_such_a_name_has_the_value_that_it_has_beside_the_unnamed_cause(beside_u
     value = found.causes[0].parameters[size]
     np.testing.assert_allclose(value.value, true, rtol=0.3)
     assert np.all(np.abs(np.array(value.value) - true) < 2.0 * np.array(value.std))
+
+
+def later_on_one_joint(state):
+    """Return by how much more the command of joint 3 leads, N m, than that of the others."""
+    rate = np.gradient(MODEL.torque(state), state.t, axis=0)
+    return rate * np.array((0.0, 0.0, 0.0, 8e-4))
+
+
+def test_the_rate_of_the_torque_beside_it_puts_no_lag_in_doubt():
+    """That has each joint's own lag in it, and leaves the one of all joints next to nothing."""
+    search = search_of(('actuator_lag', {'time_constant': 1.6e-3}), library=('actuator_lag',),
+                       beside=later_on_one_joint)
+    lag, observations = cause('actuator_lag'), search.pool.evidence.observations
+    fit = search.pool.solution((lag,))
+    rate, = (Hypothesis(kind, {}, EVERY)
+             for kind in Kinds(observations).beside(observations, residuals(
+                 observations, (lag,), fit)) if kind.left_by_filters)
+    told = {}
+    for model in ((lag,), (lag, rate)):
+        errors = [torque_errors(part, search.pool.solution(model), search.rules)
+                  for part in (search.pool.evidence, search.pool.heldout)]
+        told[len(model)] = settled._parameters(search, lag, fit, model, errors)['time_constant']
+    assert 1.6e-3 < told[1].value < 2.4e-3
+    assert told[2].value == told[1].value
+    assert told[2].std < 2.0 * told[1].std < 0.2 * told[1].value
 
 
 def test_a_name_with_values_below_zero_on_every_joint_falls(monkeypatch):

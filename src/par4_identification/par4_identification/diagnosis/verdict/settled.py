@@ -21,6 +21,7 @@ from par4_identification.diagnosis.evidence.estimates import (
 from par4_identification.diagnosis.evidence.fit import Fit, left_by, solve, with_coefficients
 from par4_identification.diagnosis.evidence.holdout import Blocks, blocks_of_runs
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.kind import Kind
 from par4_identification.diagnosis.search.candidates import goes_both_ways
 from par4_identification.diagnosis.search.causes import (
     Hypotheses,
@@ -269,8 +270,13 @@ def _cause(hypothesis: Hypothesis, search: Search, named: Sequence[Hypothesis], 
 
 def _parameters(search: Search, hypothesis: Hypothesis, fit: Fit, model: Hypotheses,
                 errors: TorqueErrors) -> dict[str, Parameter]:
-    """Return the parameters of a name by a fit of all causes of a model or of the named ones."""
+    """Return the parameters of a name by a fit of all causes of a model or of the named ones.
+
+    The rate of the torque contains a delay or a lag, so that the value beside it says nothing.
+    """
     evidence, heldout = search.pool.evidence, search.pool.heldout
+    model = tuple(item for item in model if not (
+        hypothesis.named.retimes and isinstance(item.effect, Kind) and item.effect.left_by_filters))
     parameters = effect_parameters(
         evidence, hypothesis, fit, fit.hypotheses.index(hypothesis), errors[0])
     parameters = with_doubt_of_size(parameters, evidence, hypothesis, fit)
