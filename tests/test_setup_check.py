@@ -233,6 +233,20 @@ def test_zeros_of_several_joints_with_both_signs_are_measured(offsets, name, req
     assert np.abs(np.mean(check.logs[0].q - log.q, axis=0)).max() < np.radians(0.8)
 
 
+@pytest.mark.parametrize('joint', [0, 2])
+def test_an_eccentric_encoder_is_no_wrong_zero(joint):
+    """Over less than a turn it nearly is one; the diagnosis names it."""
+    wrong = HIDERS['encoder_eccentricity'].build(
+        known_machine('reference').machine,
+        {'amplitude': np.where(np.arange(4) == joint, 0.03, 0.0), 'phase': np.full(4, 0.8)})
+    log = recorded(wrong, SEED)
+    with mock.patch.object(calibration, '_is_eccentric', return_value=False):
+        assert found(log)[0] == [('zero_error', (joint,))]
+    kinds, check = found(log)
+    assert kinds == []
+    assert check.logs[0] is log
+
+
 def test_a_reference_counts_from_the_zeros_of_the_encoders(clean):
     """Drives follow what encoders read: how far they are behind is the same with zeros mended."""
     offsets = np.array((0.0, 0.05, 0.0, -0.04))
@@ -871,7 +885,9 @@ def test_no_zero_is_wrong_where_each_log_by_itself_has_no_such_error(apart, told
     """The machine changed between the logs: zeros take a sixth of the error away."""
     stretches = [SimpleNamespace(log=log, tau=np.ones((10, 4))) for log in (0, 0, 1)]
     sure = SimpleNamespace(values=np.eye(calibration.ERRORS)[1] * 0.05, std=None)
-    monkeypatch.setattr(calibration, 'placement_at', lambda *_: SimpleNamespace(odd=0.0))
+    monkeypatch.setattr(calibration, 'placement_at', lambda *_: SimpleNamespace(
+        odd=0.0, fitted=lambda _values: SimpleNamespace(left=1.0),
+        left_if_eccentric=lambda _joint: 1.0))
     monkeypatch.setattr(calibration, '_explained', lambda _: (sure, 0.060))
     monkeypatch.setattr(calibration, '_error', lambda parts, _geometry, values: (
         0.060 if values.any() else 0.072 if len(parts) == len(stretches) else apart))

@@ -65,6 +65,9 @@ FAR = 4.0
 """Ratio of the torque of a force on the platform to the usual from which a pose is too near a
 singular one."""
 
+NO_WAVES = np.zeros((2, LEGS))
+"""Of the sine and the cosine of the angle of each joint, rad, in what its encoder reads."""
+
 
 @dataclass(frozen=True)
 class Placed:
@@ -141,17 +144,18 @@ class Placement:
         """Return values (m, ...) without what is taken out."""
         return values - self._beside @ (self._beside.T @ values)
 
-    def _columns(self, values: np.ndarray) -> np.ndarray:
+    def _columns(self, values: np.ndarray, waves: np.ndarray = NO_WAVES) -> np.ndarray:
         """Return the bodies' columns (m, p) for these errors.
 
         Raises:
             UnreachableError: with these the mechanism does not close.
         """
-        return _stacked(self._columns_at(values, _platform_columns), self._valid)
+        return _stacked(self._columns_at(values, _platform_columns, waves), self._valid)
 
-    def _columns_at(self, values: np.ndarray, columns_of: Callable[[State], np.ndarray]
-                    ) -> np.ndarray:
-        moved = [replace(part, q=part.q - values[:LEGS]) for part in self._stretches]
+    def _columns_at(self, values: np.ndarray, columns_of: Callable[[State], np.ndarray],
+                    waves: np.ndarray = NO_WAVES) -> np.ndarray:
+        moved = [replace(part, q=part.q - values[:LEGS] - waves[0] * np.sin(part.q)
+                         - waves[1] * np.cos(part.q)) for part in self._stretches]
         return columns_at(moved, with_dimensions(self._geometry, values[LEGS:]),
                           columns_of=columns_of)
 
@@ -166,7 +170,36 @@ class Placement:
         Raises:
             UnreachableError: with these the mechanism does not close.
         """
-        columns = self._columns(values)
+        return self._fitted(values, self._columns(values))
+
+    def left_if_eccentric(self, joint: int) -> float:
+        """Return the squares (N2 m2) that are left if the encoder of a joint is eccentric.
+
+        All else is as in the robot file; amplitude and phase are fitted (Gauss, Newton).
+
+        Raises:
+            UnreachableError: so the mechanism does not close.
+        """
+        nothing, waves = np.zeros(ERRORS), NO_WAVES
+        now = self._fitted(nothing, self._columns(nothing))
+        for _ in range(STEPS):
+            steps = np.zeros((2, 2, LEGS))
+            steps[[0, 1], [0, 1], joint] = SMALL_STEP
+            slopes = np.stack([self._reduced(
+                (self._columns(nothing, waves + step) - now.columns) @ now.chi)
+                for step in steps], axis=1) / SMALL_STEP
+            slopes -= now.basis @ (now.basis.T @ slopes)
+            change = np.linalg.lstsq(slopes, now.residual, rcond=1e-6)[0]
+            ahead = waves + np.tensordot(change / SMALL_STEP, steps, axes=1)
+            there = self._fitted(nothing, self._columns(nothing, ahead))
+            if there.left >= now.left:
+                break
+            now, waves = there, ahead
+            if np.abs(change).max() < SETTLED:
+                break
+        return now.left
+
+    def _fitted(self, values: np.ndarray, columns: np.ndarray) -> Placed:
         reduced = self._reduced(columns)
         scale = np.maximum(np.linalg.norm(reduced, axis=0), 1e-12)
         left, sizes, right = np.linalg.svd(reduced / scale, full_matrices=False)
