@@ -160,6 +160,30 @@ def test_an_axis_with_torques_needs_no_gain(tool, tmp_path):
                                atol=1e-12)
 
 
+@pytest.mark.parametrize(('quantity', 'unit', 'si'), [
+    ('torque', 'Ncm', 0.01), ('torque', 'kN', 1000.0), ('position', 'cm', 0.01)])
+def test_units_of_catalogues_are_read(quantity, unit, si, tool, tmp_path):
+    units = {'position': 'rad' if unit == 'Ncm' else 'm', 'torque': 'N', quantity: unit}
+    said = tool(csv(tmp_path / 'log.csv', t=T, q=Q, tau=TAU), '--columns',
+                f'time=t:s position=q:{units["position"]} torque=tau:{units["torque"]}',
+                '--joints', 'motor', '--output', tmp_path / 'bag')
+    assert said.code == 0, said.err
+    whole = {'position': Q, 'torque': TAU}[quantity]
+    assert f'{quantity}: {si * whole.min():.4g} to {si * whole.max():.4g} ' in said.out
+
+
+@pytest.mark.parametrize(('columns', 'told'), [
+    ('position=q:rad velocity=qd:rad/s torque=tau:Nm', 0), ('velocity=qd:rad/s torque=tau:Nm', 1)])
+def test_a_speed_that_repeats_matters_where_it_is_all_there_is(columns, told, tool, tmp_path):
+    """Drives round their speeds; the position that was read beside it tells the motion."""
+    rng = np.random.default_rng(4)
+    held = np.maximum.accumulate(np.where(rng.random(len(T)) < 0.2, np.arange(len(T)), 0))
+    said = tool(csv(tmp_path / 'log.csv', t=T, q=Q, qd=QD[held], tau=TAU), '--columns',
+                f'time=t:s {columns}', '--joints', 'motor', '--output', tmp_path / 'bag')
+    assert said.code == 0, said.err
+    assert said.out.count('of the readings repeat while it moves') == told
+
+
 @pytest.mark.parametrize('unit', UNITS['velocity'])
 def test_a_speed_fits_its_position_in_every_unit_and_in_no_other(unit, tool, tmp_path):
     factors = {'rad/s': 1.0, 'deg/s': 180.0 / np.pi, 'turn/s': 0.5 / np.pi, 'rpm': 30.0 / np.pi,
@@ -298,6 +322,8 @@ def test_a_table_that_has_nothing_in_the_part_that_is_meant_is_refused(tool, tmp
     ("position='pos [m]':mm torque='current (A)':N", ['says m', 'says A']),
     ("position='q [°]':0.1deg torque='load [%]':N*m", ['says %']),
     ("position='q (raw)':0.1deg torque='load_mA':2.69mA", []),
+    ("position='pos [inc]':0.5um torque=F:kN", []),
+    ("position='pos [inc]':um torque=F:kN", ["give position='pos [inc]':counts"]),
     ('time=t_ms:s position=rad_or_deg:deg torque=degree:Nm', ['says ms'])])
 def test_a_column_whose_name_says_another_unit_is_told(columns, told):
     found = named_otherwise(chosen_columns(columns))
@@ -313,12 +339,18 @@ def test_such_a_column_is_pointed_at_beside_what_looks_wrong(tool, tmp_path):
     assert "look at this: position: column 'q_deg' is read in rad" in ' '.join(said.out.split())
 
 
-@pytest.mark.parametrize(('torque', 'told'), [(np.abs(QD), 1), (QD, 0), (5.0 + QD, 0)])
-def test_a_torque_without_a_sign_is_told(torque, told, tool, tmp_path):
-    """That of a joint which holds a weight may have one sign, but does not come down to zero."""
+@pytest.mark.parametrize(('torque', 'gravity', 'told'), [
+    (np.abs(QD), None, 1), (np.abs(QD), 'none', 1), (np.abs(QD), 'vertical', 0), (QD, None, 0),
+    (5.0 + QD, None, 0)])
+def test_a_torque_without_a_sign_is_told(torque, gravity, told, tool, tmp_path):
+    """That of a joint which holds a weight may have one sign."""
+    machine = '--joints', 'motor'
+    if gravity is not None:
+        machine = '--robot', tmp_path / 'axis.yaml'
+        machine[1].write_text('{schema: par4/axis/1, name: lift, joint: motor, kind: revolute, '
+                              f'gravity: {gravity}}}')
     said = tool(csv(tmp_path / 'log.csv', t=T, q=Q, tau=torque), '--columns',
-                'time=t:s position=q:rad torque=tau:Nm', '--joints', 'motor', '--output',
-                tmp_path / 'bag')
+                'time=t:s position=q:rad torque=tau:Nm', *machine, '--output', tmp_path / 'bag')
     assert said.code == 0
     assert said.out.count('is its sign lost?') == told
 

@@ -68,8 +68,9 @@ def make_bag(files: tuple[str, ...], columns: str, output: Path, robot: str | No
                    'count, such as position=2:0.5um'))
         write_measured(measured, names, output, storage, lambda share: status.update(
             f'writing {output}: {share:.0%}'))
+    lifts = isinstance(machine, Axis) and machine.gravity != 'none'
     say(*measured.account(), *(f'look at this: {finding}' for finding in (
-        *named_otherwise(choices), *measured.findings())),
+        *named_otherwise(choices), *measured.findings(lifts))),
         f'{output}: {len(measured.stamp)} samples of {", ".join(names)} '
         f'({", ".join(measured.values)})', whole=True)
 

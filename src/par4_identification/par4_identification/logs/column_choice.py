@@ -53,6 +53,11 @@ class Choice:
         """What the unit is."""
         return unit_named(self.quantity, self.unit)
 
+    @property
+    def in_steps(self) -> bool:
+        """Whether the unit is so many of a usual one, as of the steps that a drive counts."""
+        return self.meaning.factor != UNITS[self.quantity][plain_unit(self.unit)].factor
+
 
 @dataclass(frozen=True)
 class Scales:
@@ -146,10 +151,12 @@ def named_otherwise(choices: dict[str, Choice]) -> list[str]:
                     if word in units and len(word) > 1 and word not in WORDS]
             said += [plain_unit(text) for text in re.findall(r'[\[(]([^\[\]()]+)[\])]', column)
                      if plain_unit(text) in units]
-            if said and plain_unit(choice.unit) not in said:
+            if said and plain_unit(choice.unit) not in said and not (
+                    choice.in_steps and units[said[-1]].scale == 'counts_per_turn'):
+                written = f"'{column}'" if ' ' in column else column
                 lines.append(f'{choice.quantity}: column {column!r} is read in {choice.unit}, its '
                              f'name says {said[-1]}; if it is right, give {choice.quantity}='
-                             f'{column}:{said[-1]}')
+                             f'{written}:{said[-1]}')
     return lines
 
 

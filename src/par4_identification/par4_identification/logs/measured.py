@@ -85,6 +85,11 @@ class Measured:
         return self.values['position'].shape[1]
 
     @property
+    def _motion(self) -> str:
+        """What tells the motion."""
+        return 'velocity' if self.integrated else 'position'
+
+    @property
     def period(self) -> float:
         """Usual spacing of the stamps, s: the median, made exact by the mean where no gap is."""
         return _period_of(1e-9 * self.stamp)
@@ -111,8 +116,12 @@ class Measured:
             lines.append(f'{quantity}: {ranges} {unit}')
         return tuple(lines)
 
-    def findings(self) -> tuple[str, ...]:
-        """Return what looks wrong, in words; nothing for good files."""
+    def findings(self, lifts: bool = False) -> tuple[str, ...]:
+        """Return what looks wrong, in words; nothing for good files.
+
+        Args:
+            lifts: whether the machine is known to carry a weight, whose torque may keep its sign.
+        """
         found = [] if not self.integrated else [
             'no position: it is the integral of the velocity from zero on; what it tells of places '
             '(cogging, weight) drifts with the errors of the velocity']
@@ -137,7 +146,8 @@ class Measured:
                     found.append(f'{quantity} of joint {joint}: {what}; is it the right column?')
         return (*found, *self._twins(), *self._held(), *self._clipped(), *self._worked_on(),
                 *self._odd_times(),
-                *self._odd_positions(), *self._odd_speeds(), *self._unsigned_torques())
+                *self._odd_positions(), *self._odd_speeds(),
+                *(() if lifts else self._unsigned_torques()))
 
     def _twins(self) -> list[str]:
         """Return which columns hold the numbers of another one that does not stand still."""
@@ -158,7 +168,7 @@ class Measured:
         for quantity, values in self.values.items():
             refresh = refresh_of(values[are_readings(values).all(axis=1)])
             if refresh is None:
-                found += [] if quantity in ('torque', 'voltage') else self._repeats(quantity)
+                found += self._repeats(quantity) if quantity == self._motion else []
             else:
                 held = refresh.every * self.period
                 found.append(f'{quantity}: {held_words(held, self.period)}; the tools use only '
@@ -221,6 +231,7 @@ class Measured:
         """Return whether readings of a motion repeat in no rhythm, so that their times are unknown.
 
         Those of a rest do not count, and those of a slow joint are a count of its encoder apart.
+        A speed that a drive rounds repeats, too, and matters only where it is all there is.
         """
         found = []
         for joint, column in enumerate(self.values[quantity].T):

@@ -41,7 +41,8 @@ UNITS: dict[str, dict[str, Unit]] = {
     'position': {
         'rad': Unit(1.0, 'revolute'), 'deg': Unit(TURN / 360.0, 'revolute'),
         'turn': Unit(TURN, 'revolute'), 'counts': Unit(TURN, 'revolute', 'counts_per_turn'),
-        'm': Unit(1.0, 'linear'), 'mm': Unit(1e-3, 'linear'), 'um': Unit(1e-6, 'linear')},
+        'm': Unit(1.0, 'linear'), 'cm': Unit(1e-2, 'linear'), 'mm': Unit(1e-3, 'linear'),
+        'um': Unit(1e-6, 'linear')},
     'velocity': {
         'rad/s': Unit(1.0, 'revolute'), 'deg/s': Unit(TURN / 360.0, 'revolute'),
         'turn/s': Unit(TURN, 'revolute'), 'rpm': Unit(TURN / 60.0, 'revolute'),
@@ -49,7 +50,8 @@ UNITS: dict[str, dict[str, Unit]] = {
         'm/s': Unit(1.0, 'linear'), 'mm/s': Unit(1e-3, 'linear'),
         'mm/min': Unit(1e-3 / 60.0, 'linear')},
     'torque': {
-        'Nm': Unit(1.0, 'revolute'), 'mNm': Unit(1e-3, 'revolute'), 'N': Unit(1.0, 'linear'),
+        'Nm': Unit(1.0, 'revolute'), 'mNm': Unit(1e-3, 'revolute'), 'Ncm': Unit(1e-2, 'revolute'),
+        'N': Unit(1.0, 'linear'), 'kN': Unit(1e3, 'linear'),
         'A': Unit(1.0, None, 'motor_gain'), 'mA': Unit(1e-3, None, 'motor_gain'),
         '%': Unit(1e-2, None, 'rated_torque'), 'permille': Unit(1e-3, None, 'rated_torque')},
     'voltage': {'V': Unit(1.0), 'mV': Unit(1e-3)},
