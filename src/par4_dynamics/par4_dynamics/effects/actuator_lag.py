@@ -20,7 +20,7 @@ LONGEST = 0.05
 
 
 class ActuatorLag(Effect):
-    """tau += T dtau/dt: the command that a drive with tau + T dtau/dt = command needs."""
+    """tau += T dtau/dt: the command is recorded, its torque lags; of readings it is time_offset."""
 
     name = 'actuator_lag'
     phrase = 'first-order lag of the actuators'

@@ -15,7 +15,7 @@ from par4_dynamics.effects.cogging import Cogging
 from par4_dynamics.effects.coulomb_asymmetry import CoulombAsymmetry
 from par4_dynamics.effects.distributed_rods import DistributedRods
 from par4_dynamics.effects.drive_gain_error import DriveGainError
-from par4_dynamics.effects.effect import Effect, EffectParameter
+from par4_dynamics.effects.effect import Effect, EffectParameter, Machine
 from par4_dynamics.effects.elastic_transmission import ElasticTransmission
 from par4_dynamics.effects.encoder_eccentricity import EncoderEccentricity
 from par4_dynamics.effects.encoder_offset import EncoderOffset
@@ -100,6 +100,10 @@ ALIKE = 0.8
 """Likeness of two names, of 0 to 1, from which on one is taken for the other misspelt."""
 
 
+SOUGHT_ON: dict[Machine, str] = {'par4': 'Par4', 'revolute': 'axis', 'linear': 'slide'}
+"""Machine -> how docs/effects.md calls it."""
+
+
 def effect_named(name: str, library: Mapping[str, Effect] = CATALOGUE) -> Effect:
     """Return the effect of that name in a library.
 
@@ -121,16 +125,20 @@ def markdown() -> str:
         formula = (effect.__doc__ or '').partition('\n')[0].rstrip('.').replace('|', '\\|')
         parameters = ', '.join(
             f'`{parameter.name}` ({meaning_of(parameter)})' for parameter in effect.parameters)
-        rows.append(f'| `{effect.name}` | {effect.phrase} | {formula} | {parameters} |')
+        sought = ', '.join(words for machine, words in SOUGHT_ON.items()
+                           if effect.is_sought_on(machine))
+        rows.append(f'| `{effect.name}` | {effect.phrase} | {sought or "-"} | {formula} | '
+                    f'{parameters} |')
     return f"""# Effects
 
 Generated from `par4_dynamics/effects/` by `make docs`; do not edit.
 
 What a machine can do that (20) does not say, as `model.yaml` and `diagnosis.json` name it. Torques
-are what the recorded torque G V contains on top of the model; s = sign(qd).
+are what the recorded torque G V contains on top of the model; s = sign(qd). `par4_diagnose` looks
+for an effect on the machines that are listed: a Par4, an axis that turns, a slide.
 
-| effect | in words | what it does | parameters |
-|---|---|---|---|
+| effect | in words | looked for on | what it does | parameters |
+|---|---|---|---|---|
 {chr(10).join(rows)}
 
 ## Orders of a periodic torque

@@ -13,6 +13,8 @@ from numpy.typing import ArrayLike
 from par4_dynamics.load_friction import LoadFriction
 from par4_dynamics.state import State
 
+Machine = Literal['par4', 'revolute', 'linear']
+"""A Par4, or an axis that turns or slides."""
 Shape = Mapping[str, float | tuple[float, ...]]
 """Shape parameter -> its value, or its values of several orders."""
 Values = Mapping[str, np.ndarray]
@@ -159,6 +161,7 @@ class Effect(ABC):
             (for a torque that is read at another time: from a torque at another position).
         of_axis: whether it is searched on single axes only, because the loads of a Par4's arms are
             effects of their own.
+        shows: whether it adds torque to a motion; what adds none is not looked for.
         told_by_speeds: whether its torque is a function of the joint's speed alone, so that mean
             torques at steady speeds can tell it.
         variables: of how many quantities of the motion its force is a function where it acts, in a
@@ -194,6 +197,7 @@ class Effect(ABC):
     memory: ClassVar[float] = 0.0
     needs_both_ways: ClassVar[bool] = False
     of_axis: ClassVar[bool] = False
+    shows: ClassVar[bool] = True
     told_by_speeds: ClassVar[bool] = False
     variables: ClassVar[int] = 1
     law: ClassVar[str | None] = None
@@ -204,6 +208,13 @@ class Effect(ABC):
     def of_machine(self) -> bool:
         """Whether no joint can have it by itself, so that a model lists no joints for it."""
         return self.shared and all(parameter.scope == 'machine' for parameter in self.parameters)
+
+    def is_sought_on(self, machine: Machine) -> bool:
+        """Return whether a diagnosis looks for it on a Par4, a turning or a sliding axis."""
+        if machine == 'par4':
+            return self.shows and not self.of_axis
+        return self.shows and not (self.needs_platform or self.against_the_others or (
+            machine == 'linear' and self.needs_turning))
 
     def shapes(self, state: State) -> tuple[Shape, ...]:
         """Return the shapes worth trying on this motion: one, empty, if the torque is linear."""

@@ -29,6 +29,7 @@ class Quantization(Effect):
     phrase = 'quantization of the recorded signal'
     parameters = (EffectParameter('step', 'rad', 'joint', other_unit='N m', is_shape=True,
                                   positive=True),)
+    shows = False
 
     def shapes(self, state: State) -> tuple[Shape, ...]:
         return ()

@@ -30,6 +30,7 @@ class TorqueSaturation(Effect):
     parameters = (EffectParameter('limit', 'N m', 'joint', is_shape=True, positive=True),)
     needs_nominal = True
     fixed_coefficients = True
+    shows = False
 
     def shapes(self, state: State) -> tuple[Shape, ...]:
         return ()

@@ -9,7 +9,7 @@ import numpy as np
 
 from par4_dynamics.base_terms import INERTIA, OFFSET, base_columns, base_terms
 from par4_dynamics.effects.catalogue import CATALOGUE
-from par4_dynamics.effects.effect import Effect
+from par4_dynamics.effects.effect import Effect, Machine
 from par4_dynamics.model import Model
 from par4_dynamics.model_file import ModelFile
 from par4_dynamics.model_from_file import build_model, torque_model
@@ -73,8 +73,7 @@ from par4_kinematics.robot import Axis, Robot
 
 CONDITIONING = Conditioning(low_speed=0.02)
 """Lower than identification's: effects of low speed must show."""
-LIBRARY = {name: effect for name, effect in CATALOGUE.items()
-           if name not in ('quantization', 'torque_saturation')}
+LIBRARY = {name: effect for name, effect in CATALOGUE.items() if effect.shows}
 """Effects that may be named: all but those that add no torque to a motion."""
 PASSES = 3
 """Searches beside the causes found by the one before."""
@@ -230,13 +229,11 @@ def _diagnosed(start: Start, heldout: Observations, machine: Robot | Axis,
                                              start.fitted)
     rigid_body = baseline.rigid_body if baseline else 'paper'
     effects = {**CATALOGUE, **searched}
-    slides = isinstance(machine, Axis) and machine.kind == 'linear'
+    kind: Machine = machine.kind if isinstance(machine, Axis) else 'par4'
     # viscous friction at another time is an inertia, which would hide in it for good
     without_inertia = INERTIA in start.left_out and start.inertia is None
     applicable = {name: effect for name, effect in searched.items()
-                  if not (effect.of_axis if isinstance(machine, Robot) else
-                          effect.needs_platform or effect.against_the_others
-                          or (slides and effect.needs_turning))
+                  if effect.is_sought_on(kind)
                   and (effect.told_by_speeds or not observations.steady)
                   and not (effect.retimes and without_inertia)}
     base_model = _base_model(start, machine, baseline)
