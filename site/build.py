@@ -32,7 +32,7 @@ SECTIONS = {
                   'effect_of_your_own', 'cluster'),
     'Guides': ('identification', 'diagnosis', 'changes', 'trend', 'setup', 'measured', 'tracking',
                'hardware', 'workstation'),
-    'Reference': ('glossary', 'effects', 'api', 'model', 'interface', 'robot_file',
+    'Reference': ('glossary', 'effects', 'api', 'model', 'interface', 'result_files', 'robot_file',
                   'model_file', 'motion_file', *(f'reference/{package}' for package in PACKAGES)),
     'Development': ('architecture', 'CONTRIBUTING', 'dependencies', 'benchmarks', 'blind_study',
                     'ablation', 'setup_study', 'CHANGELOG'),

@@ -494,6 +494,34 @@ def test_diagnosis_json_has_the_keys_of_the_contract(diagnosed):
         simulation['tracking']['extended_rms'])
 
 
+NAMES = 'parameters', 'textbook_std'
+"""Keys of results behind which the names of parameters stand as keys."""
+
+
+def keys_of(content):
+    """Return the keys in some content, but for what was read of each bag."""
+    if isinstance(content, list):
+        return set().union(*map(keys_of, content))
+    if not isinstance(content, dict):
+        return set()
+    inner = [list(value.values()) if name in NAMES else value
+             for name, value in content.items() if name != 'bags']
+    return set(content) | keys_of(inner)
+
+
+@pytest.mark.parametrize('name', ['identification', 'diagnosis', 'validation'])
+def test_every_key_of_a_result_is_on_its_page(name, identified, diagnosed, bags, tmp_path):
+    folder = {'identification': identified.folder, 'diagnosis': diagnosed.folder}.get(name)
+    if folder is None:
+        folder = tmp_path / 'validated'
+        done = run(validate, bags.plain, '--model', identified.folder / 'model.yaml', '--robot',
+                   'reference', '--output', folder, '--no-report')
+        assert done.code == 0, done.err
+    content = json.loads((folder / f'{name}.json').read_text())
+    page = (Path(__file__).parents[1] / 'docs/result_files.md').read_text()
+    assert [key for key in sorted(keys_of(content)) if f'`{key}`' not in page] == []
+
+
 def test_extended_model_is_a_model_with_the_cause(diagnosed):
     model = read_model(diagnosed.folder / 'extended_model.yaml', REFERENCE)
     assert [active.effect.name for active in model.effects] == ['cogging']

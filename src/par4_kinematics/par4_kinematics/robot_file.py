@@ -85,7 +85,8 @@ AXIS_KEYS = {
              'where the log has voltages and neither torque nor current', 'every tool that reads '
              '`amplifier_voltage`'),
     'gravity': ('', '`vertical` if the axis turns in a vertical plane or slides up and down, '
-                '`none` if it carries no weight, `unknown` to let the data tell', 'base terms'),
+                '`none` if it carries no weight, `unknown` to let the data tell; with a weight, '
+                'friction that differs between the directions counts as part of it', 'base terms'),
     'gear_ratio': ('', 'turns of the motor for one turn of the joint', _ORDERS),
     'pole_pairs': ('', 'of the motor', _ORDERS),
     'motor_gain': ('N m/A or N/A', 'torque or force at the joint, behind the gear, per ampere',
