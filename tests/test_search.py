@@ -42,7 +42,6 @@ from par4_identification.diagnosis.evidence.unnamed import KINDS, Kinds
 from par4_identification.diagnosis.evidence.whitener import flat_whitener
 from par4_identification.diagnosis.nominal.gate import WORST_ERROR, unusable
 from par4_identification.diagnosis.search.causes import named_of
-from par4_identification.diagnosis.search.joints import with_needed_joints
 from par4_identification.diagnosis.search.polish import polished
 from par4_identification.diagnosis.search.requirement import requirement_of, torque_errors
 from par4_identification.diagnosis.search.rules import OF_AXIS, Rules
@@ -211,24 +210,6 @@ def test_a_constant_torque_has_no_law_that_an_axis_may_follow_otherwise(name, sh
     wrong = torque_errors(evidence, fit, OF_AXIS)[1]
     np.testing.assert_allclose(
         wrong, share * evidence.columns(item) @ item.stacked(fit.coefficients[0]))
-    explained = search.pool.fit(()).fit_squares - search.pool.fit((item,)).fit_squares
-    assert explained > 0.0
-    assert requirement_of(search.pool, (item,), OF_AXIS).by_causes == pytest.approx(
-        0.5 * share ** 2 * explained)
-
-
-def test_a_strong_cause_with_a_name_costs_no_joint_of_a_weak_one():
-    """What its law gets wrong could explain as much, but not as a torque of one joint."""
-    strong = {**COGGING, 'amplitude': 1.5}
-    search = search_of(('cogging', strong), ('torque_offset', {'offset': (0.1, 0.0, 0.0, 0.008)}),
-                       library=('cogging', 'torque_offset'))
-    cogging, weak = cause('cogging', periods=31.0), cause('torque_offset')
-    squares = [search.pool.fit((cogging, cause('torque_offset', joints))).fit_squares
-               for joints in ((0,), (0, 3))]
-    inflation = requirement_of(search.pool, (cogging, weak), search.rules).inflation
-    assert search.rules.price < 0.5 * (squares[0] - squares[1]) < (
-        search.rules.price * np.sqrt(inflation))
-    assert with_needed_joints(search.pool, search.belief, weak, (cogging,)).joints == (0, 3)
 
 
 def test_a_name_that_imitates_falls_beside_what_it_imitates_and_the_others_stay():

@@ -12,7 +12,7 @@ from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.kind import Kind
 from par4_identification.diagnosis.evidence.pool import Pool
 from par4_identification.diagnosis.search.belief import Belief
-from par4_identification.diagnosis.search.causes import Hypotheses, unnamed_of
+from par4_identification.diagnosis.search.causes import Hypotheses
 from par4_identification.diagnosis.search.requirement import requirement_of
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.shapes import order_name
@@ -58,9 +58,8 @@ def with_needed_joints(pool: Pool, belief: Belief, hypothesis: Hypothesis, other
         return [_by_itself(trials[rank]) for rank in ranks
                 if losses[rank] <= losses[ranks[0]] + rules.twin + slack]
 
-    # what causes get wrong may look like one more joint; if they have names, hardly like one that a
-    # machine can have
-    usual = ranked(np.sqrt(needed.inflation) if unnamed_of(others) else 1.0)
+    # that may look like one more joint, though not all of it unless no machine has such a joint
+    usual = ranked(np.sqrt(needed.inflation))
     by_price = ranked(needed.inflation)
     fewer = [item for item in ranked(needed.inflation, needed.by_causes)
              if _chosen(item) < _chosen(usual[0])]

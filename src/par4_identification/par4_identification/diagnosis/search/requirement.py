@@ -90,7 +90,7 @@ def torque_errors(evidence: Evidence, fit: Fit, rules: Rules) -> list[np.ndarray
                for item, coefficients in zip(fit.hypotheses, fit.coefficients)]
     kinds = [isinstance(item.effect, Kind) for item in fit.hypotheses]
     measured = evidence.whitened([run.tau for run in evidence.observations.runs])
-    wrong = [error_of(item, rules) * torque
+    wrong = [(error_of(item, rules) if item.named.variables else _without_law(rules)) * torque
              for item, torque, kind in zip(fit.hypotheses, torques, kinds) if not kind]
     parts = ([rules.base_error * measured], wrong,
              [rules.unnamed_error * torque for torque, kind in zip(torques, kinds) if kind])
@@ -100,13 +100,15 @@ def torque_errors(evidence: Evidence, fit: Fit, rules: Rules) -> list[np.ndarray
 def error_of(item: Hypothesis, rules: Rules) -> float:
     """Return the share (rms) of the torque of a named cause that may be wrong.
 
-    An axis may have other laws of friction, springs and gaps than the library. A constant torque, a
-    delay or a lag has no such law: on any machine the latter is the torque at another time. So
-    these have the error of a Par4.
+    An axis may have other laws of friction, springs and gaps than the library. A delay or a lag has
+    no such law: on any machine it is the torque at another time. So it has the error of a Par4.
     """
-    if item.named.retimes or not item.named.variables:
-        return min(rules.named_error, OF_PAR4.named_error)
-    return rules.named_error
+    return _without_law(rules) if item.named.retimes else rules.named_error
+
+
+def _without_law(rules: Rules) -> float:
+    """Return the share that may be wrong of a torque that follows no law of the machine."""
+    return min(rules.named_error, OF_PAR4.named_error)
 
 
 def _errors_of_named(pool: Pool, named: Sequence[Hypothesis], rules: Rules) -> tuple[float, ...]:

@@ -52,8 +52,7 @@ OF_PAR4 = Rules()
 OF_AXIS = Rules(base_error=3e-3, named_error=0.1, better=100.0)
 """Rules for a single axis. It may be any machine, so its friction, springs and gaps follow the laws
 of the library less closely than those of a Par4. Its torque, often a current times a constant, is
-known less exactly, too. Constant torques, delays and lags keep the error of a Par4, see `error_of`.
-"""
+known less exactly, too. Delays and lags keep the error of a Par4, see `error_of`."""
 
 
 def rules_for(of_axis: bool) -> Rules:
