@@ -791,7 +791,7 @@ def test_lengths_that_start_again_go_on(tmp_path):
     ('angle=q:rad', 'angle: unknown; columns are time, position'),
     ('position=q:grad', "position: unit 'grad' is unknown; give one of rad, deg"),
     ('position=q:rad torque=tau:counts', "torque: unit 'counts' is unknown; give one of Nm, mNm, "
-     'N, A, mA, %, permille, or how much of one it is, such as 2.69mA'),
+     'Ncm, N, kN, A, mA, %, permille, or how much of one it is, such as 2.69mA'),
     ('position=q:0deg torque=tau:Nm', "position: unit '0deg' is unknown"),
     ('position=q:1e99deg torque=tau:Nm', "position: unit '1e99deg' is unknown"),
     ('time=t:-1s position=q:deg torque=tau:Nm', "time: unit '-1s' is unknown"),

@@ -210,8 +210,8 @@ def _of_csv(path: Path, wanted: Sequence[str], dates: Mapping[str, str]
         if lying is not None:
             return {name: lying[_place(path, name, (), len(lying), ', as they stand in rows')]
                     for name in wanted}
-    where = (f', in the table that begins at line {layout.first + 1}; give their numbers, such as '
-             f'time=1:s; if the table begins elsewhere, cut off what stands above its names')
+    where = (f', in the table that begins at line {layout.first + 1}; if it begins elsewhere, cut '
+             f'off what stands above its names; else give their numbers, such as time=1:s')
     places = [_place(path, name, layout.headers, layout.columns, where) for name in wanted]
     cells = {name: partial(layout.date, unit=dates[name]) if name in dates else layout.number
              for name in wanted}
