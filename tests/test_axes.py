@@ -855,29 +855,38 @@ def test_steady_speeds_do_not_hide_a_torque_that_follows_the_position(motor, spe
         assert {3.0, 6.0} <= set(told['cogging'].parameters['periods'].value)
 
 
-def strokes(rng, count, rate):
+def strokes(places, rate):
     """Return times, positions and speeds of an axis that goes from place to place, 2.5 s each."""
-    places = [0.0]
-    while len(places) <= count:
-        place = rng.uniform(-1.4, 1.4)
-        if abs(place - places[-1]) > 0.3:
+    t = np.arange(0.0, 2.5 * (len(places) - 1), 1.0 / rate)
+    which = np.minimum((t // 2.5).astype(int), len(places) - 2)
+    return t, np.interp(t, 2.5 * np.arange(len(places)), places), np.diff(places)[which] / 2.5
+
+
+def there_and_back_between(reach, count=25):
+    """Return places as far as `reach` to either side of zero, each well away from the last."""
+    rng, places = np.random.default_rng(5), [0.0]
+    while len(places) < count:
+        place = rng.uniform(-reach, reach)
+        if abs(place - places[-1]) > 0.2 * reach:
             places.append(place)
-    places = np.array(places)
-    t = np.arange(0.0, 2.5 * count, 1.0 / rate)
-    which = np.minimum((t // 2.5).astype(int), count - 1)
-    speed = np.diff(places)[which] / 2.5
-    return t, np.interp(t, 2.5 * np.arange(count + 1), places), speed
+    return np.array(places)
 
 
-@pytest.mark.parametrize('torque', [
-    lambda _q, _side: 0.0, lambda q, _side: 0.5 * q,
-    lambda q, side: 1.5 * side * np.exp(-((q - 0.4) / 0.3) ** 2)])
-def test_steady_speeds_do_not_hide_a_spring_or_a_tight_spot_of_strokes_of_any_length(torque):
-    """Each stroke has its own middle, and a mean torque that has most of the spring in it."""
-    rng = np.random.default_rng(5)
-    t, q, speed = strokes(rng, 24, 100.0)
+SHORT, LONG = there_and_back_between(1.4), there_and_back_between(9.0)
+ONE_WAY = np.cumsum(np.random.default_rng(6).uniform(2.0, 9.0, 25))
+
+
+@pytest.mark.parametrize(('places', 'torque'), [
+    (SHORT, lambda _q, _side: 0.0), (LONG, lambda _q, _side: 0.0), (ONE_WAY, lambda _q, _side: 0.0),
+    (SHORT, lambda q, _side: 0.5 * q), (LONG, lambda q, _side: 0.1 * q),
+    (SHORT, lambda q, side: 1.5 * side * np.exp(-((q - 0.4) / 0.3) ** 2)),
+    (ONE_WAY, lambda q, _side: 0.5 * np.sin(3.0 * q))])
+def test_steady_speeds_do_not_hide_what_follows_the_place_in_strokes_of_any_length(places, torque):
+    """Each stroke has its own middle, and a mean torque that has most of a spring in it."""
+    t, q, speed = strokes(places, 100.0)
     side = np.sign(speed)
-    tau = 6.0 * side + 1.5 * speed + torque(q, side) + rng.normal(0.0, 0.1, len(t))
+    tau = (6.0 * side + 1.5 * speed + torque(q, side)
+           + np.random.default_rng(7).normal(0.0, 0.1, len(t)))
     log = log_of(axis(), t, q[:, None], tau[:, None], 1, 0.1)
     assert conditioning_for([log], axis(), CONDITIONING).steady == (torque(1.0, 1.0) == 0.0)
 

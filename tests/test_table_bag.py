@@ -323,6 +323,7 @@ def test_a_table_that_has_nothing_in_the_part_that_is_meant_is_refused(tool, tmp
     ("position='q [°]':0.1deg torque='load [%]':N*m", ['says %']),
     ("position='q (raw)':0.1deg torque='load_mA':2.69mA", []),
     ("position='pos [inc]':0.5um torque=F:kN", []),
+    ("position='q [rad]':0.1deg torque=tau:Nm", ["give position='q [rad]':rad"]),
     ("position='pos [inc]':um torque=F:kN", ["give position='pos [inc]':counts"]),
     ('time=t_ms:s position=rad_or_deg:deg torque=degree:Nm', ['says ms'])])
 def test_a_column_whose_name_says_another_unit_is_told(columns, told):
