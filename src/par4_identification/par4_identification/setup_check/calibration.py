@@ -3,9 +3,9 @@
 Hypotheses are the zeros of all joints, each dimension by itself and the lengths of each leg; the
 one that leaves least of the torque is believed (see `placement` for how each is fitted). Then those
 that are small or not sure are taken off one by one. Small errors are the library's (encoder_offset,
-geometry_error, leg_length_error) and left to the diagnosis, and so are encoders that read an
-eccentric disc. Where the poses that come out are ones
-that no machine takes, the search begins again at errors with which they are (see `starts`).
+geometry_error, leg_length_error) and left to the diagnosis, and so are eccentric encoders. Where
+the poses that come out are ones that no machine takes, the search begins again at errors with which
+they are (see `starts`).
 """
 
 from __future__ import annotations
@@ -166,12 +166,13 @@ def _is_eccentric(placement: Placement, found: Placed) -> bool:
     In the place of zeros that were wrong by 1.5 and 3 degrees one left 1.01 to 1.4 times as much,
     in its own 0.77 to 0.97 times.
     """
-    wrong = np.flatnonzero(found.values)
-    legs = {int(index) if index < LEGS else int(index - FIRST_LEG) % LEGS for index in wrong}
-    if len(legs) != 1 or ((wrong >= LEGS) & (wrong < FIRST_LEG)).any():
+    wrong = set(np.flatnonzero(found.values).tolist())
+    leg = next((leg for leg in range(LEGS)
+                if wrong <= {leg, FIRST_LEG + leg, FIRST_LEG + LEGS + leg}), None)
+    if leg is None:
         return False
     try:
-        left = placement.left_if_eccentric(legs.pop())
+        left = placement.left_if_eccentric(leg)
         return left * EACH < FEWER * placement.fitted(found.values).left
     except UnreachableError:
         return False
